@@ -70,7 +70,8 @@ class CommandedMotor(AbstractMotor):
 class CommandedEngine(AbstractEffect):
     """An engine whose thrust a controller turns and throttles; it burns mass, and stops dry.
 
-    The command is the thrust in inertial axes. Longer than `max_thrust`, it keeps its direction."""
+    The command is the thrust in inertial axes. If longer than `max_thrust`, it is shortened along
+    its direction."""
 
     max_thrust: NumberField = quantity("N", positive=True, doc="greatest thrust")
     exhaust_velocity: NumberField = quantity("m/s", positive=True, doc="thrust over mass flow")

@@ -1,9 +1,9 @@
 """The nodes of a loop: times at which something happens, known before it runs.
 
-The controller, the arrival of delayed commands and each sensor have a clock of its own rate. States
-are saved, and the vector field breaks, at further times. All of them are nodes; each integration
-goes from one node to the next, so that it lands on every node. Times that coincide to rounding are
-one node.
+The controller, the arrival of delayed commands and each sensor have separate clocks with individual
+rates. States are saved, and the vector field breaks, at further times. All of them are nodes; each
+integration goes from one node to the next, so that it lands on every node. Times that coincide to
+rounding are one node.
 """
 
 from typing import NamedTuple, final
@@ -17,11 +17,12 @@ from ..core import InputError
 from ..core.checks import is_concrete
 
 SLACK = 1e-6
-"""What coincides, in periods: far above rounding, far below what anyone means."""
+"""Threshold for coinciding ticks, in periods: far above rounding, far below any intended
+difference."""
 
 
 MOST = 10**7
-"""Most ticks of a clock: the commands and readings of as many take some gigabytes."""
+"""Maximum number of ticks of a clock: their commands and readings require some gigabytes."""
 
 
 class Clock(NamedTuple):
@@ -117,7 +118,7 @@ def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) ->
 
 def _with_breaks(times: np.ndarray, ticks: np.ndarray, saved: np.ndarray, breaks: Array) -> Nodes:
     """The nodes with breaks that are traced, or differ between runs: breaks outside of the loop are
-    moved to its ends, where they make intervals of no length."""
+    moved to its ends, where they form intervals of zero length."""
     runs = breaks.shape[1:]
     inner = jnp.clip(breaks, times[0], times[-1])
     # Breaks are put after the start and before the end, so that the first and the last node stay.

@@ -5,7 +5,7 @@
 
     symbol     meaning                                            unit
     t_k, T     samples, period                                    s
-    z_k, u_k   what is measured, the command, at the sample k     any
+    z_k, u_k   measurement and command at the sample k            any
     K          controller, which may have a memory
 
 Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, 4.3, 6.3 (holds), 10
@@ -51,7 +51,7 @@ def _as_sensors(x: object) -> Any:
 class ClosedLoop(AbstractSampledLoop):
     """A system under a controller that acts at samples: `ClosedLoop(scene, law, period=0.1)`.
 
-    - `system`: a scene or any system with parts that take a command, such as `CommandedTorque`.
+    - `system`: a scene or any system with actuators, such as `CommandedTorque`.
     - `controller`: an `AbstractController`, or a function `(measured) -> command` or
       `(t, measured) -> command`, such as an `equinox` network.
     - `sensors`: by name; the controller gets their readings by name. Without sensors it gets the
@@ -61,15 +61,15 @@ class ClosedLoop(AbstractSampledLoop):
       last two.
     - `delay`, s: until a command reaches the actuators; before the first, the command is zero.
     - `limit`, `quantum`: largest command, and step between commands, of each component or of all.
-    - `actuate`: a function (system, command) -> system, in place of the fields `command`.
+    - `actuate`: a function (system, command) -> system, instead of the fields `command`.
     - `steps`: fixed steps between two samples.
-    - `key`: of the noise, for runs without a key; in a mission of many runs one for each.
+    - `key`: of the noise, for runs without a key; for a batch of missions one for each run.
     - `longest`: the longest duration of the loop as a phase whose duration is traced, s.
 
     As the `system` of a `Phase` a loop runs in a mission, and so in a campaign.
 
-    Raises `InputError` for a period, a delay or a `longest` that is no known time, and for another
-    hold."""
+    Raises `InputError` for a period, a delay or a `longest` that is not a concrete time, and for an
+    unknown hold."""
 
     system: AbstractSystem
     controller: AbstractController = eqx.field(converter=as_controller)
@@ -178,19 +178,18 @@ class ClosedLoop(AbstractSampledLoop):
           `y0`, and of the first sample.
         - `key`: of the noise.
         - `accuracy`: the relative tolerance of the motion between two samples, or an `Accuracy`;
-          1e-9 by default. Its method takes fixed steps.
-        - `steps`: their number between two samples, in place of that of the loop. Outside of `jit`
-          a run that misses the tolerance is repeated with more.
-        - `events`: the run stops at the first zero of one of these; one with `within` has to
-          happen.
-        - `start`: the time of `y0`, in place of the first of `ts`; it may be traced, so that a loop
-          can go on where an event has ended another one.
+          1e-9 by default. Its method uses fixed steps. - `steps`: their number between two samples,
+          overriding that of the loop. Outside of `jit` a run that misses the tolerance is repeated
+          with more.
+        - `events`: the run stops at the first zero of one of these; one with `within` must occur.
+        - `start`: the time of `y0`, instead of the first of `ts`; it may be traced, so that a loop
+          can continue where an event has ended another one.
         - `memory`: of the controller, as at the end of an earlier run.
         - `throw`: whether to raise `SimulationError` for a failed run; otherwise read its `status`.
 
         **Returns** a `LoopRun`, differentiable forwards and backwards with respect to every number
-        in the loop and `y0`. **Raises** `InputError`, before anything is compiled, for what cannot
-        run."""
+        in the loop and `y0`. **Raises** `InputError`, before anything is compiled, for an invalid
+        loop."""
         options = LoopOptions(key, accuracy, steps, events, start, memory)
         return run_loop(self, y0, ts, options, 0, throw=throw)
 
@@ -212,6 +211,6 @@ class ClosedLoop(AbstractSampledLoop):
 
         Arguments, results and errors as of `simulate`; unless `throw`, a failed run only has the
         status of its failure. `start` is a number, or (runs,). The noise of run j has the key
-        `jax.random.split(key, runs)[j]`, which repeats it alone."""
+        `jax.random.split(key, runs)[j]`, which reproduces this run individually."""
         options = LoopOptions(key, accuracy, steps, events, start, memory)
         return run_loop(self, y0s, ts, options, 1, throw=throw)

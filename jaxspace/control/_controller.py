@@ -1,4 +1,4 @@
-"""Controllers: with a memory, or any function of what is measured."""
+"""Controllers: with a memory, or any function of the measurements."""
 
 import inspect
 from abc import abstractmethod
@@ -14,15 +14,15 @@ from ..core import AbstractParameters, InputError, Scalar
 class AbstractController(AbstractParameters):
     """A controller that acts at samples. A concrete controller is final.
 
-    `broadcasts`: whether its formulas take runs on the last axis, as those of this library do; a
-    controller that is written for one run is mapped over them."""
+    `broadcasts`: whether its formulas support a batch as the last axis, like those of this library;
+    a controller written for a single run is vectorised."""
 
     broadcasts: ClassVar[bool] = True
 
     def start(self, measured: PyTree) -> PyTree:
         """The memory before the first sample, of floating-point arrays; `None` if it has none.
 
-        `measured` has the shapes of what is measured."""
+        `measured` has the shapes of the measurements."""
         del measured
         return None
 
@@ -56,7 +56,7 @@ class Feedback(AbstractController):
 
 
 def _arguments(function: Callable[..., object]) -> int:
-    """How many arguments without a default a function takes."""
+    """The number of arguments of a function without a default."""
     kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     given = inspect.signature(function).parameters.values()
     return len([p for p in given if p.kind in kinds and p.default is p.empty])
@@ -94,7 +94,7 @@ def started(controller: AbstractController, measured: PyTree, run_axes: int) -> 
 
 
 def measurement(measured: PyTree, name: str) -> PyTree:
-    """What is measured under a name: the reading of that sensor, or that part of the state.
+    """The measurement with a name: the reading of that sensor, or that part of the state.
 
     Raises `InputError` where no sensor has the name."""
     if isinstance(measured, Mapping):

@@ -18,7 +18,7 @@ from ._advance import advance, select
 from ._setting import Setting
 
 ITERATIONS = 60
-"""Of the false position; a smooth condition takes some six of them."""
+"""Iterations of false position; a smooth condition requires about six."""
 
 
 class Stop(NamedTuple):

@@ -13,8 +13,8 @@ from ._advance import select
 class Integral(NamedTuple):
     """The memory of a law with an integral.
 
-    - `total`: integral of the error; `rest`: what its rounding has left out, because a sample adds
-      little to the integral of a long run; `before`, `rest_before`: those before the last sample.
+    - `total`: integral of the error; `rest`: its rounding error, because a sample adds little to
+      the integral of a long run; `before`, `rest_before`: those before the last sample.
     - `last`: time of the last sample, s; infinite before the first one."""
 
     total: Float[Array, "..."]

@@ -156,8 +156,8 @@ def _run(known: Known, config: IntegrationConfig, static: Static) -> Trajectory:
 
 
 def _clocks_of(static: Static, periods: tuple[float, ...]) -> tuple[int, tuple[Clock, ...]]:
-    """By how many whole periods a command waits; and the clocks of the samples, of the commands
-    that arrive late by the rest, and of the sensors with these `periods`, s."""
+    """The delay of a command in whole periods; and the clocks of the samples, of the commands
+    delayed by the remainder, and of the sensors with these `periods`, s."""
     period = static.period
     waiting = int(np.floor(static.delay / period + SLACK))
     late = max(static.delay - waiting * period, 0.0)

@@ -18,7 +18,8 @@ from ._program import Known, Static
 from ._sampled_loop import AbstractSampledLoop
 
 REPEATS = 3
-"""How often a run is repeated with finer steps before its status says that they are too few."""
+"""Maximum number of repetitions of a run with finer steps before its status reports too few
+steps."""
 
 
 def repeated(
@@ -42,7 +43,7 @@ def config_of(
     loop: AbstractSampledLoop, y0: PyTree, accuracy: Accuracy, steps: int | None = None
 ) -> IntegrationConfig:
     """Configuration of the integration between two samples. Raises `InputError` for a method that a
-    loop cannot take."""
+    loop does not support."""
     dtype = state_dtype(y0)
     rtol = DEFAULT_RTOL.get(dtype.name, 1e-2) if accuracy.rtol is None else accuracy.rtol
     # For a traced tolerance, from which no method can be chosen.

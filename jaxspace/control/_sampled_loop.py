@@ -1,4 +1,4 @@
-"""What a run reads of a closed loop, which is defined above it."""
+"""The interface of a closed loop for its run, defined at a higher level."""
 
 import equinox as eqx
 from jaxtyping import Array, Float, Key, PyTree
@@ -27,5 +27,5 @@ class AbstractSampledLoop(AbstractRunnable):
 
     @property
     def numbers(self) -> PyTree:
-        """The parts that hold numbers."""
+        """The parts that contain numbers."""
         return self.system, self.controller, self.sensors, self.limit, self.quantum

@@ -1,7 +1,7 @@
 """The loop over samples as one scan: read, decide, command, integrate to the next node.
 
-Every pass is the same program, whatever the length of the run. Reverse mode stores the states
-between the passes alone, and computes each pass again.
+Every pass is the same program, whatever the length of the run. Reverse mode stores only the states
+between the passes, and recomputes each pass.
 """
 
 from typing import NamedTuple

@@ -1,14 +1,14 @@
-"""Sensors: readings with noise, bias and drift, at a rate of their own.
+"""Sensors: readings with noise, bias and drift, at individual rates.
 
     z_k = round_q( x(t_k) + b + d_k + s e_k )        d_{k+1} = d_k + w sqrt(T) e'_k
     q_k = q(t_k) exp(b + s e_k)                      an attitude
 
     symbol   meaning                                              unit
-    x, z     what is read, the reading                            any
+    x, z     true value, reading                                  any
     b, d     bias, drift: a random walk                           that of x
     s, w     standard deviation of the noise; of the drift after  that of x,
              one second                                           that over sqrt(s)
-    e, e'    normal numbers of mean 0 and deviation 1             1
+    e, e'    standard normal numbers                              1
     q        step between readings; T: time between them          that of x; s
 
 Source: Hughes, Spacecraft Attitude Dynamics, 6; Markley and Crassidis, Fundamentals of Spacecraft
@@ -114,7 +114,7 @@ class Sensor(AbstractSensor):
         check_period("Sensor.period", self.period)
 
     def truth(self, t: Scalar, y: State) -> Array:
-        """The true value of what is read."""
+        """The true value of the measured quantity."""
         if callable(self.reads):
             return self.reads(t, y)
         part = getattr(y, self.reads, None)
@@ -198,7 +198,7 @@ def drawing(keys: Keys | None, number: int, count: Array, run_axes: int, name: s
     """The function that draws for the reading `count` of the sensor `number`, with one key for each
     run.
 
-    It raises `InputError` if there is no key."""
+    Raises `InputError` without a key."""
 
     def draw(purpose: int, like: Array) -> Array:
         if keys is None:

@@ -1,4 +1,4 @@
-"""The parts of a closed loop, for the program that runs it."""
+"""The components of a closed loop, for the program that simulates it."""
 
 import equinox as eqx
 from jaxtyping import PyTree

@@ -38,7 +38,7 @@ def _satellite() -> Scene:
 
 @final
 class SlewTask(AbstractEnvironment):
-    """Turn a satellite by its wheels to the attitude (1, 0, 0, 0) and hold it.
+    """Rotate a satellite with its wheels to the attitude (1, 0, 0, 0) and keep it there.
 
     Observations: twice the vector part of the error quaternion, the rates over `rate_scale`, the
     speeds of the wheels over their limit. Actions: torques over the limit of the motors. An episode

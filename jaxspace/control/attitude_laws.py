@@ -49,7 +49,7 @@ def error_vector(attitude: Quaternion, target: Array) -> Vector:
 
     - `attitude`: of the body; `target`: a quaternion, scalar first, of any length, (4, *runs).
 
-    **Returns** (3, *runs), for the shorter of both turns."""
+    **Returns** (3, *runs), for the shorter of the two rotations."""
     wanted = Quaternion(with_rank(target, attitude.wxyz.ndim - 1)).normalised()
     error = wanted.inverse().then(attitude).wxyz
     # Of the two quaternions of an attitude the one nearer to the target.
@@ -58,7 +58,7 @@ def error_vector(attitude: Quaternion, target: Array) -> Vector:
 
 @final
 class QuaternionFeedback(AbstractController):
-    """Turns a body to a target and holds it there.
+    """Rotates a body to a target attitude and keeps it there.
 
     The command is a torque on the body, N m, (3, *runs); with `axes` the torques on wheels that
     give it, (wheels, *runs). The integral waits while a command is cut by a limit."""
@@ -112,7 +112,7 @@ class QuaternionFeedback(AbstractController):
 class MomentumDumping(AbstractController):
     """Takes the momentum of wheels off the body by an external torque, as of thrusters.
 
-    The command is that torque, N m, (3, *runs). While it acts, whatever holds the attitude slows
+    The command is that torque, N m, (3, *runs). While it acts, the attitude controller decelerates
     the wheels. Reads "wheels", the momenta about the axes."""
 
     gain: NumberField = quantity(

@@ -34,8 +34,8 @@ def with_command(system: AbstractSystem, command: PyTree) -> AbstractSystem:
     - `system`: with one part or more that has a field `command`, such as `CommandedTorque`.
     - `command`: of the one part; of several a tuple, in their order.
 
-    **Returns** the system with that command. **Raises** `InputError` where the system has no such
-    part, or another number of them than there are commands."""
+    **Returns** the system with that command. **Raises** `InputError` if the system has no actuator,
+    or a number of actuators other than that of the commands."""
     # Counted, so that a command of one part may itself be a tuple.
     result = len(_commands(system))
     given = list(command) if result > 1 and isinstance(command, tuple | list) else [command]
@@ -87,7 +87,7 @@ class Held(AbstractSystem):
 
 
 def clipped(command: PyTree, limit: PyTree) -> PyTree:
-    """The command within plus and minus the `limit`; `None` is no limit."""
+    """The command within plus and minus the `limit`; `None` means no limit."""
     if limit is None:
         return command
     return jax.tree.map(lambda u: jnp.clip(u, -limit, limit), command)

@@ -4,9 +4,9 @@
     observation, state, reward, done, info = environment.step(key, state, action)
 
 An episode that ends starts again in the same call: `state` and `observation` are then those of the
-new one, and `info` holds the last observation of the old one. Runs are on the last axes:
-`reset(key, (1024,))` starts a thousand episodes, and `step` takes them together, faster than mapped
-by `jax.vmap`, which works as well.
+new one, and `info` contains the last observation of the old one. Runs are on the last axes:
+`reset(key, (1024,))` starts a thousand episodes, and `step` advances them as a batch, faster than
+with `jax.vmap`, which works as well.
 """
 
 __all__ = ["Box", "Episode"]
@@ -53,7 +53,8 @@ class Episode(eqx.Module):
 
 
 class AbstractEnvironment(AbstractParameters):
-    """A task. A concrete environment is final, and says how an episode starts, goes on and ends."""
+    """A task. A concrete environment is final, and defines the start, the steps and the end of an
+    episode."""
 
     horizon: eqx.AbstractVar[Float[Array, ""]]
 
@@ -77,7 +78,7 @@ class AbstractEnvironment(AbstractParameters):
 
     @abstractmethod
     def observe(self, y: State, time: Scalar) -> Array:
-        """What an agent sees, (observations, *runs)."""
+        """The observation of the agent, (observations, *runs)."""
 
     @abstractmethod
     def judge(
@@ -106,8 +107,8 @@ class AbstractEnvironment(AbstractParameters):
         - `state`: of every run; `action`: cut to between -1 and 1.
 
         **Returns** observation, state, reward, whether the episode has ended, and `info`:
-        `truncated`, whether only its time was up; `last`, the observation before a new start; and
-        what the task reports."""
+        `truncated`, whether only its time was up; `last`, the observation before a reset; and the
+        report of the task."""
         space = self.action_space
         action = jnp.clip(action, space.low, space.high)
         y, span = self.advance(state.y, action, state.time)

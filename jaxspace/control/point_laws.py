@@ -38,7 +38,7 @@ class PID(AbstractController):
     """A command proportional to an error, to its rate and, where there is a gain for it, to its
     integral, component by component. The integral waits while the command is cut by a limit.
 
-    - `reads`, `rate`: names of what is measured, position and velocity by default."""
+    - `reads`, `rate`: names of the measurements, position and velocity by default."""
 
     proportional: NumberField = quantity("", doc="k_p, command over error")
     derivative: NumberField = quantity("", doc="k_d, command over rate")
@@ -106,7 +106,7 @@ class LeastEffortGuidance(AbstractController):
 class LinearController(AbstractController):
     """A linear controller with a memory, given by tables of numbers.
 
-    What is measured is one vector z: the readings one after the other, or all numbers of the state.
+    The measurement is one vector z: the concatenated readings, or all numbers of the state.
 
     Raises `InputError` for tables whose sizes do not fit together."""
 
@@ -180,8 +180,8 @@ def _times(matrix: Array, vector: Array) -> Array:
 
 @final
 class Together(AbstractController):
-    """Several controllers at once: the command is a tuple, one entry for each part of the system
-    that takes a command, in their order."""
+    """Several controllers together: the command is a tuple, one entry for each actuator of the
+    system, in their order."""
 
     controllers: tuple[AbstractController, ...] = eqx.field(converter=tuple)
 

@@ -59,9 +59,9 @@ class LandingTask(AbstractEnvironment):
     """Land a body of variable mass softly at the origin of a plane.
 
     Observations: position over `distance`, velocity over `speed`, and the share of propellant left.
-    Actions: thrust over its limit, in inertial axes. An episode ends on the ground, where the
-    square of the speed over `speed` and of the miss over `distance` is what it costs, and with it
-    `soft` says whether it touches below 2 m/s."""
+    Actions: thrust over its limit, in inertial axes. An episode ends on the ground, with a cost of
+    the squares of the speed over `speed` and of the miss over `distance`; `soft` then reports
+    whether the touchdown is below 2 m/s."""
 
     scene: Scene = eqx.field(default_factory=_lander)
     mass: SingleNumberField = quantity("kg", positive=True, default=2000.0, doc="at the start")

@@ -83,9 +83,9 @@ class FinControl(AbstractController):
     """Turns fins against the errors of attitude and rate about each axis.
 
     Reads attitude, omega and velocity. The command is the angle of the fins about each axis, rad,
-    (3, *runs). Fins ahead of the centre of mass take positive gains, fins behind it negative ones
-    about x and y. A gain of zero leaves its axis alone. The integral waits while the command is cut
-    by the limit of the loop."""
+    (3, *runs). Fins ahead of the centre of mass require positive gains, fins behind it negative
+    ones about x and y. A gain of zero leaves its axis uncontrolled. The integral waits while the
+    command is cut by the limit of the loop."""
 
     gain: Float[Array, "3 *#runs"] = quantity("", doc="k, angle of the fins over that of the error")
     damping: Float[Array, "3 *#runs"] = quantity("s", doc="c, angle of the fins over the rate")
@@ -141,7 +141,8 @@ class LandingControl(AbstractController):
     The command is that of its engine: throttle and the angles of the nozzle about x and y, rad, as
     (3, *runs). Reads position, velocity, mass, attitude and omega. The time to go falls no lower
     than `least_time`. The commanded thrust leans no more than `tilt_limit` and falls no lower than
-    `least_thrust`: a vehicle that is too high does not turn over. Another law holds the roll."""
+    `least_thrust`: a vehicle that is too high does not turn over. The roll is controlled by another
+    law."""
 
     arrival: NumberField = quantity("s", doc="arrival time")
     gravity: Float[Array, "3 *#runs"] = quantity(

@@ -2,7 +2,7 @@
 
 Every system has a `vector_field` and `invariants`. Its capabilities are values: `closed_form()`,
 `decoupled()`, `split()`, `regularised()` and `breaks()` return an object, or `None` where there is
-none. Because they are values and not base classes, a scene can compose its own from those of its
+none. Because they are values and not base classes, a scene can compose them from those of its
 effects.
 """
 
@@ -22,10 +22,9 @@ from .types import Flag, Scalar, State
 
 @printed()
 class RunWarning(NamedTuple):
-    """What is probably a mistake in finished runs.
+    """A probable mistake in finished runs.
 
-    - `words`: a sentence about it.
-    - `runs`: the runs that it is about, (*runs,)."""
+    - `words`: a message about it. - `runs`: the runs concerned, (*runs,)."""
 
     words: str
     runs: Bool[np.ndarray, "*runs"]
@@ -39,8 +38,8 @@ class AbstractClosedForm(HashedModule):
         """The exact state a `duration`, s (negative: backwards), after the state `y`."""
 
     def outside(self, duration: Scalar, y: State) -> Flag | None:
-        """Whether a motion of this `duration`, s, from `y` on leaves the range of the closed form
-        describes, as by a collision, for each run; `None` where none does."""
+        """Whether a motion of this `duration`, s, from `y` on leaves the range of validity of the
+        closed form, as by a collision, for each run; `None` where none does."""
         del duration, y
         return None
 
@@ -50,11 +49,13 @@ class AbstractSplit(HashedModule):
 
     @abstractmethod
     def drift(self, duration: Scalar, y: State) -> State:
-        """The exact state a `duration`, s (negative: backwards), after `y`, by the drift alone."""
+        """The exact state a `duration`, s (negative: backwards), after `y`, due to the drift
+        only."""
 
     @abstractmethod
     def kick(self, t: Scalar, duration: Scalar, y: State) -> State:
-        """The exact state a `duration`, s, after `y`, by the kick alone, frozen at time `t`, s."""
+        """The exact state a `duration`, s, after `y`, due to the kick only, frozen at time `t`,
+        s."""
 
 
 class AbstractRegularised(HashedModule):
@@ -79,7 +80,7 @@ class AbstractRegularised(HashedModule):
 
     @abstractmethod
     def perturbation(self, t: Scalar, z: Array) -> Array:
-        """The perturbation at the time `t`, s, as `derivative` takes it."""
+        """The perturbation at the time `t`, s, in the form of `derivative`."""
 
     @abstractmethod
     def derivative(self, z: Array, perturbation: Array) -> Array:
@@ -87,14 +88,14 @@ class AbstractRegularised(HashedModule):
 
     @abstractmethod
     def fictitious_time(self, duration: Scalar, z: Array) -> Scalar:
-        """The fictitious time that a `duration`, s (negative: backwards), takes from `z` on: exact
-        without perturbation, approximate with one."""
+        """The fictitious time of a `duration`, s (negative: backwards), from `z` on: exact without
+        perturbation, approximate with one."""
 
     def step_scale(self, sigma: Scalar, z: Array) -> Scalar:
         """A positive number in proportion to which steps may be chosen, about a fictitious time
         `sigma` after `z`: the distance from a centre, for example.
 
-        By default one, for a motion of which nothing is known."""
+        By default one, for a general motion."""
         # The product has the shape of the times and of the runs.
         return jnp.ones_like(sigma * z[0])
 
@@ -112,7 +113,7 @@ class AbstractRegularised(HashedModule):
         return jnp.sqrt(squared(x) / jnp.maximum(squared(z0), squared(z1)))
 
     def second_order(self, z: jax.ShapeDtypeStruct) -> "AbstractSecondOrderForm | None":
-        """The same motion in variables whose second derivatives depend on themselves alone, or
+        """The same motion in variables whose second derivatives depend on these variables only, or
         `None`; for runs of the shape of `z`."""
         del z
         return None
@@ -161,7 +162,7 @@ class AbstractDecoupled(HashedModule):
     @abstractmethod
     def turns(self, duration: Scalar, y: State) -> Scalar:
         """Approximate angle, rad, through which the exact part turns in a `duration`, s, from `y`
-        on, (*runs,): what steps would have to follow."""
+        on, (*runs,), which steps would have to resolve."""
 
 
 class AbstractSystem(AbstractParameters):
@@ -212,8 +213,8 @@ class AbstractSystem(AbstractParameters):
         return None
 
     def switches(self) -> dict[str, str]:
-        """The parts of the state by which the vector field jumps, at no time of `breaks`, by the
-        name of the parameter.
+        """The parts of the state at whose thresholds the vector field is discontinuous, other than
+        at `breaks`, by the name of the parameter.
 
         Derivatives of a run over such a jump need an event there; without one `simulate` warns."""
         return {}
@@ -228,8 +229,8 @@ class AbstractSystem(AbstractParameters):
         return None
 
     def outside(self, t: Scalar, y: State) -> Flag | None:
-        """Whether the state `y` lies outside the range of the model, such as a mass below the
-        dry mass, for each run; `None` where every state is inside.
+        """Whether the state `y` is outside the range of the model, such as a mass below the dry
+        mass, for each run; `None` where every state is inside.
 
         Asked of every saved state and of that at the end of each step. The run then has the status
         `OUTSIDE_MODEL`, also where the state is inside again later; beyond the event that ends a
@@ -239,8 +240,8 @@ class AbstractSystem(AbstractParameters):
         return None
 
     def warning(self, ts: Array, states: State, undisturbed: bool) -> RunWarning | None:
-        """What is probably a mistake in finished runs, such as a path through the ground; `None`,
-        the default, where there is nothing to say.
+        """Probable mistakes in finished runs, such as a path through the ground; `None`, the
+        default, where there is none.
 
         Asked after a run outside of `jit`, of known numbers.
 
@@ -253,13 +254,14 @@ class AbstractSystem(AbstractParameters):
         return None
 
     def check_values(self, t: Scalar, y: State) -> None:
-        """Raise `InputError` for what the numbers of the system and of the first state `y`, at the
-        time `t`, s, contradict. Asked before a run, where no number is traced; `t` is a number of
-        NumPy."""
+        """Raise `InputError` for contradictions between the numbers of the system and the first
+        state `y`, at the time `t`, s. Asked before a run, where no number is traced; `t` is a
+        number of NumPy."""
         del t, y
 
     def missing(self, capability: str) -> str:
-        """Why `capability` ("split", "regularised", ...) is `None`, as the end of a sentence.
+        """The reason why `capability` ("split", "regularised", ...) is `None`, as the end of a
+        message.
 
         For error messages; empty where there is nothing to add."""
         # A system without reasons of its own: the caller's sentence is enough.

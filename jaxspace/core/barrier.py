@@ -26,14 +26,14 @@ barrier_p.multiple_results = True
 def barrier(tree: PyTree, *, everywhere: bool = False) -> PyTree:
     """The same tree behind a barrier: on a CPU its leaves are computed once and together.
 
-    Without it the compiler writes one loop for each array that is needed later, and computes what
-    they share in each of them again.
+    Without it the compiler writes one loop for each array that is needed later, and recomputes
+    shared expressions in each of them.
 
     **Arguments**
 
     - `tree`: any tree of arrays and numbers.
-    - `everywhere`: whether the barrier also holds on other devices, where it is the identity by
-      default: between stages which, fused into one, take long to compile.
+    - `everywhere`: whether the barrier also applies on other devices, where it is the identity by
+      default: between stages whose fusion takes long to compile.
 
     **Returns** the tree of arrays. Derivatives are held in the same way, those that are not zero
     together."""
@@ -43,8 +43,8 @@ def barrier(tree: PyTree, *, everywhere: bool = False) -> PyTree:
 
 
 def computed_once(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """A decorator of a part of a formula of which the rest reads several results, or one result
-    several times: its results stand behind a `barrier`, and the formula itself needs none."""
+    """A decorator for a part of a formula whose results are used several times: its results pass a
+    `barrier`, so that the formula itself needs none."""
 
     @functools.wraps(function)
     def held(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:

@@ -16,13 +16,13 @@ BLOCK = 1024
 def in_blocks(
     function: Callable[..., PyTree], components: tuple[int, ...], *args: PyTree
 ) -> PyTree:
-    """`function(*args)` for a function of each run alone: in a compiled program, on a CPU and for
-    thousands of runs, a block of runs at a time.
+    """`function(*args)` for an elementwise function of the runs: in a compiled program, on a CPU
+    and for thousands of runs, it is evaluated in blocks of runs.
 
-    What lies between arguments and results then stays in the cache: a million runs take a third to
-    a tenth of the time. Around functions that are called one after the other, such as a state to
-    elements and back, it keeps what passes between them in the cache too, which is up to twice as
-    fast. Derivatives are those of the function itself.
+    Intermediate values then remain in the cache: a million runs take a third to a tenth of the
+    time. Around functions called in sequence, such as a state to elements and back, intermediate
+    results also remain in the cache, which is up to twice as fast. Derivatives are those of the
+    function itself.
 
     **Arguments**
 
@@ -30,7 +30,7 @@ def in_blocks(
     - `components`: for each argument how many axes its arrays have before those of times and runs.
     - `args`: arrays, or trees of such.
 
-    **Returns** what the function returns."""
+    **Returns** the result of the function."""
     leaves, structure = jax.tree.flatten(args)
     axes = [n for n, arg in zip(components, args, strict=True) for _ in jax.tree.leaves(arg)]
     shapes = [jnp.shape(x)[n:] for x, n in zip(leaves, axes, strict=True)]

@@ -1,9 +1,9 @@
 """Functions with the arrays that they capture as leaves.
 
 A function of a user, such as `lambda t, y, body: Load(acceleration_N=-k * y.velocity)`, holds the
-number `k` where no transformation of a tree sees it: a rule for derivatives, a map over runs and a
-test whether a number is known all look at leaves. As a `Captured` it is what an `equinox.Module`
-with the field `k` would be.
+number `k` out of reach of tree transformations: derivative rules, vectorisation and tests for
+concrete values all operate on leaves. As a `Captured` it is equivalent to an `equinox.Module` with
+the field `k`.
 """
 
 import functools
@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 @final
 class _Code:
-    """What is left of a function without its variables."""
+    """The remainder of a function without its variables."""
 
     def __init__(self, function: types.FunctionType):
         self.code, self.names = function.__code__, function.__globals__
@@ -40,7 +40,7 @@ class Captured(eqx.Module):
     """A function, and the variables that it captures: of the functions around it, and the defaults
     of its arguments.
 
-    A variable that has no value yet is an empty tuple."""
+    A variable without a value is an empty tuple."""
 
     code: _Code = eqx.field(static=True)
     cells: list[tuple]
@@ -53,7 +53,7 @@ class Captured(eqx.Module):
 
 @final
 class _Applied(eqx.Module):
-    """A partial function, whose function may hold arrays too."""
+    """A partial function, whose function may contain arrays, too."""
 
     function: Callable
     args: tuple
@@ -64,16 +64,17 @@ class _Applied(eqx.Module):
 
 
 def captured_as_leaves(tree: T) -> T:
-    """The tree with a `Captured`, or what applies one to arguments, in place of each function that
-    captures a traced array. Other functions stay as they are, such as the methods of a class that
-    is no tree; of a function that captures itself, the inner one does."""
+    """The tree in which each function that captures a traced array is replaced by a `Captured`, or
+    by an object that applies one to arguments. Other functions are unchanged, such as the methods
+    of a class that is not a pytree; of a function that captures itself, the inner one is
+    unchanged."""
     if not any(isinstance(x, Tracer) for x in _variables(tree, ())):
         return tree
     return jax.tree.map(lambda x: _converted(x, ()), tree)
 
 
 def _inside(function: object) -> PyTree | None:
-    """The variables that a function captures; `None` for what is no function of Python."""
+    """The variables that a function captures; `None` for anything but a Python function."""
     if isinstance(function, functools.partial):
         return (function.func, function.args, function.keywords)
     if isinstance(function, types.MethodType):

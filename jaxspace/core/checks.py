@@ -1,4 +1,4 @@
-"""Bad input, reported in one sentence that names the field, the value and what is allowed.
+"""Invalid input, reported in a message that names the field, the value and the allowed values.
 
 Only values that are known are checked: a traced value passes, so that every check is free under
 `jit`, `vmap` and `grad`."""
@@ -42,7 +42,7 @@ def is_concrete(x: object) -> bool:
 
 
 def shown(x: object) -> str:
-    """Numbers as a sentence shows them, on one line."""
+    """Numbers in the form of messages, on one line."""
     a = np.asarray(x)
     if a.ndim == 0:
         return f"{a.item():.6g}"
@@ -51,13 +51,13 @@ def shown(x: object) -> str:
 
 
 def check(ok: ArrayLike, field: str, value: object, allowed: str) -> None:
-    """Raise `InputError` unless `ok` holds everywhere; `allowed` completes the sentence "`field` is
-    `value`: it must be ...".
+    """Raise `InputError` unless `ok` is true everywhere; `allowed` completes the message "`field`
+    is `value`: it must be ...".
 
     **Arguments**
 
     - `ok`: of each number, whether it is allowed.
-    - `field`, `value`, `allowed`: what the sentence names."""
+    - `field`, `value`, `allowed`: named in the message."""
     if not np.all(ok):
         raise InputError(f"{field} is {shown(value)}: it must be {allowed}.")
 
@@ -67,7 +67,7 @@ def check_positive(field: str, value: object) -> None:
 
     **Arguments**
 
-    - `field`: its name in the sentence.
+    - `field`: its name in the message.
     - `value`: a number or an array; a traced one passes."""
     if is_concrete(value):
         a = np.asarray(value)
@@ -79,7 +79,7 @@ def check_non_negative(field: str, value: object) -> None:
 
     **Arguments**
 
-    - `field`: its name in the sentence.
+    - `field`: its name in the message.
     - `value`: a number or an array; a traced one passes."""
     if is_concrete(value):
         a = np.asarray(value)
@@ -91,7 +91,7 @@ def check_finite(field: str, value: object) -> None:
 
     **Arguments**
 
-    - `field`: its name in the sentence.
+    - `field`: its name in the message.
     - `value`: a number or an array; a traced one passes."""
     if is_concrete(value):
         check(np.isfinite(np.asarray(value)), field, value, "finite")

@@ -1,5 +1,5 @@
-"""Units that most files are written in, read without the library of units, whose import takes as
-long as that of a whole scene file."""
+"""The most common units of files, read without the units library, whose import takes as long as
+that of a whole scene file."""
 
 import functools
 import math
@@ -41,7 +41,7 @@ class Unit(NamedTuple):
 
 
 def factor_to(si: str, text: str) -> float | None:
-    """How many of the unit `si` one of the unit `text` is; `None` where one of them is not common,
+    """The number of units `si` in one unit `text`; `None` where one of them is not common,
     or of another kind."""
     unit, base = _unit(text), _unit(si or "1")
     if unit is None or base is None or unit.powers != base.powers:
@@ -50,9 +50,8 @@ def factor_to(si: str, text: str) -> float | None:
 
 
 def factor_between(given: str, shown: str) -> float | None:
-    """How many of the unit `shown` one of the unit `given` is, for numbers of both that are drawn
-    together; `None` where that is unknown, because one of them is not common, or of another
-    kind."""
+    """The number of units `shown` in one unit `given`, for numbers of both that are drawn together;
+    `None` where that is unknown, because one of them is not common, or of another kind."""
     # A unit that is not common is the same as itself.
     return 1.0 if given == shown else factor_to(shown, given)
 

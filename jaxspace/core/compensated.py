@@ -3,8 +3,8 @@
     s = fl(a + b),   s + e = a + b exactly                         the error of one sum
     (s, e) + (s', e') = two_sum(s, s') with e + e' added to its error
 
-A difference of two running sums far along a long log is small beside both: it needs the digits that
-a plain sum has rounded away.
+The difference of two running sums far along a long log is small compared with both: it requires the
+digits lost in a plain sum.
 
 Source: Knuth, The Art of Computer Programming II, 4.2.2 (two_sum); Dekker (1971), A floating-point
 technique for extending the available precision.
@@ -25,8 +25,8 @@ def two_sum(a: Array, b: Array) -> tuple[Array, Array]:
 
 
 def running_sums(x: Float[Array, "n ..."]) -> tuple[Array, Array]:
-    """The sums of the first 1, 2, ... n numbers along the first axis, each as a rounded sum and
-    what is missing from it."""
+    """The sums of the first 1, 2, ... n numbers along the first axis, each as a rounded sum and its
+    remainder."""
 
     def step(sums: tuple[Array, Array], row: tuple[Array, Array]) -> tuple:
         sums = _added(sums, row)

@@ -1,6 +1,6 @@
 """Declarations that go with a function: named constructors, outputs, events, initial states.
 
-A decorator says once what the arguments or the result are. Scene files, their schema, the command
+A decorator declares the arguments or the result once. Scene files, their schema, the command
 line and the manual read it there, so that a new function needs no entry anywhere else.
 """
 
@@ -36,8 +36,8 @@ class Choice(NamedTuple):
 class FileName(NamedTuple):
     """An argument that is the name of a file; in a scene file it is relative to that one.
 
-    A scene file gives a path that has a `read_text` of its own, as a `pathlib.Path` does: the file
-    may be gone, and its text in a store."""
+    A scene file passes a path with a custom `read_text`, like that of `pathlib.Path`: the file may
+    be gone, and its text in a store."""
 
     doc: str
     default: object = REQUIRED
@@ -134,12 +134,12 @@ def constructor(
 ) -> Callable[[Function], Function]:
     """Declare the arguments of a named constructor, or of a method `state` that makes a state.
 
-    The decorator stands below `classmethod` or `staticmethod`. At every call the known values are
-    checked; scene files offer the constructor as one more way to give the class.
+    The decorator is placed below `classmethod` or `staticmethod`. At every call the known values
+    are checked; scene files offer the constructor as one more way to give the class.
 
     **Arguments**
 
-    - `sets`: the fields that the constructor computes; it takes the others by name if it has
+    - `sets`: the fields that the constructor computes; it accepts the others by name if it has
       `**fields`.
     - `arguments`: by name, each an `argument(...)`, a `Choice` or a `FileName`.
 
@@ -157,7 +157,7 @@ def constructor(
 def initial(
     key: str, *, gives: tuple[str, ...], **arguments: Argument
 ) -> Callable[[Function], Function]:
-    """Declare a function that makes parts of an initial state, for the table `[initial.key]`.
+    """Declare a function that creates parts of an initial state, for the table `[initial.key]`.
 
     **Arguments**
 
@@ -216,7 +216,7 @@ def event(unit: str, *, direction: int, needs: tuple[str, ...]) -> Callable[[Fun
 def known_time(method: Function) -> Function:
     """Declare that a method of an effect returns a time, s, at which a phase can end.
 
-    The time follows from the parameters alone, so that no event has to be searched for."""
+    The time follows from the parameters only, so that no event search is required."""
     method.known_time = True  # type: ignore[attr-defined]
     return method
 

@@ -12,7 +12,7 @@
 
 Source: Thomson 5.11; Gauss (Abramowitz and Stegun 17.6); Carlson (DLMF 19.16.1, .2); Bulirsch
 (1969), Numer. Math. 13, 305 (`cel`). The complement is the argument: near k = 1, where K grows like
-ln(4/k'), a complement formed as 1 - k^2 has no digits left.
+ln(4/k'), a complement computed as 1 - k^2 loses all digits.
 """
 
 __all__ = ["complete_elliptic", "complete_first", "complete_third"]

@@ -1,8 +1,8 @@
-"""The kinds of values that the fields of a module take, as their annotations say.
+"""The kinds of values accepted by the fields of a module, according to their annotations.
 
 Without a check a text in the place of a number, or a number in the place of an atmosphere, is found
 where it is first computed with, by an error of JAX that names no field. Shapes and ranges are
-checked elsewhere, and what an annotation does not say passes.
+checked elsewhere, and anything not specified by an annotation passes.
 """
 
 import dataclasses
@@ -30,8 +30,8 @@ LISTED = 6
 
 
 class Kind(NamedTuple):
-    """What a field takes: `accepts` tells whether it takes a value; `words` complete the sentence
-    "it must be ..."."""
+    """The values accepted by a field: `accepts` returns whether it accepts a value; `words`
+    complete the message "it must be ..."."""
 
     accepts: Callable[[object], bool]
     words: str
@@ -83,7 +83,7 @@ def check_types(module: object, *names: str) -> None:
 # Cached for each class, because every construction asks for it.
 @functools.cache
 def _kinds(cls: type) -> Sequence[tuple[str, object, Kind]]:
-    """Of each field whose annotation says what it takes: its name, its default and its kind."""
+    """For each field with a checked annotation: its name, its default and its kind."""
     result = []
     for field in dataclasses.fields(cls):
         kind = kind_of(field.type, getattr(field.metadata.get(QUANTITY), "unit", ""))
@@ -93,7 +93,7 @@ def _kinds(cls: type) -> Sequence[tuple[str, object, Kind]]:
 
 
 def kind_of(annotation: object, unit: str = "") -> Kind | None:
-    """The kind that an annotation declares; `None` where it says nothing that is checked."""
+    """The kind that an annotation declares; `None` for an annotation that is not checked."""
     parts = typing.get_args(annotation)
     if isinstance(annotation, types.UnionType) or typing.get_origin(annotation) is typing.Union:
         return _union([kind_of(part, unit) for part in parts])
@@ -123,7 +123,7 @@ def _number(annotation: object, unit: str) -> Kind | None:
 
 
 def _class(cls: object) -> Kind | None:
-    """The kind of the instances of a class; `None` for what is no class that says it."""
+    """The kind of the instances of a class; `None` for anything but such a class."""
     if cls is bool:
         return Kind(lambda x: isinstance(x, bool | np.bool_ | jax.Array), "True or False")
     if cls is int:
@@ -164,7 +164,7 @@ def _below(cls: type) -> list[type]:
 
 
 def _union(kinds: Sequence[Kind | None]) -> Kind | None:
-    """What one of several kinds takes; `None` where one of them is not checked."""
+    """The values accepted by one of several kinds; `None` where one of them is not checked."""
     known = [kind for kind in kinds if kind is not None]
     if len(known) < len(kinds):
         return None
@@ -182,7 +182,7 @@ def check_kind(name: str, value: object, annotation: object) -> None:
 
 
 def shown(value: object) -> str:
-    """A wrong value as a sentence shows it: itself where it is short, or its type."""
+    """A wrong value in the form of messages: the value if it is short, or its type."""
     plain = isinstance(value, str | bytes | numbers.Number | list | tuple | types.NoneType)
     text = " ".join(repr(value).split()) if plain else ""
     return text if plain and len(text) <= SHOWN else f"of type {type(value).__name__}"

@@ -13,8 +13,8 @@ SEPARATORS = "/\\:"
 
 
 def file_name_fault(name: object, longest: int = LONGEST_NAME) -> str:
-    """Why `name` cannot name a file or folder in a given folder, as the end of a sentence that
-    begins with "it must be"; empty where it can.
+    """The reason why `name` cannot name a file or folder in a given folder, as the end of a message
+    that begins with "it must be"; empty if it can.
 
     The answer is the same on every system, because stores move from one to another.
 

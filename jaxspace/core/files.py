@@ -9,11 +9,12 @@ from pathlib import Path
 from .checks import InputError
 
 LARGEST = 64_000_000
-"""Bytes of a file that are read: a campaign keeps the text of what it names in its store."""
+"""Maximum number of bytes of a file: a campaign saves the text of its files in its store."""
 # `float` also reads "1_000", "infinity" and the digits of other scripts.
 NUMBER = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
 LONGEST = 1000
-"""Characters of a number: to read one takes the square of its length."""
+"""Maximum number of characters of a number: the time to parse one grows as the square of its
+length."""
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -33,8 +34,9 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
     A path that a scene file gives has its `text`, which may be that of a store, and is not opened.
 
-    **Raises** `OSError` for a file that cannot be opened, and `InputError` for one that is no
-    regular file, as a device or a pipe, which may have no end, and for one of more than 64 MB."""
+    **Raises** `OSError` for a file that cannot be opened, and `InputError` for one that is not a
+    regular file, such as a device or a pipe, which may be endless, and for one of more than 64
+    MB."""
     known = getattr(path, "text", None)
     if known is not None:
         return known

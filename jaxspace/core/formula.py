@@ -23,7 +23,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class Range(NamedTuple):
-    """What a number may be: `allowed` in words, and `contains`, which is false for NaN."""
+    """The accepted types of a number: `allowed` in words, and `contains`, which is false for
+    NaN."""
 
     allowed: str
     contains: Callable[[Any], Any]
@@ -43,7 +44,7 @@ AWAY = Range("away from the centre", lambda x: np.any(x != 0.0, axis=0))
 
 
 class _Number(NamedTuple):
-    """An argument that takes numbers: its place, its name, the lengths of its first axes (`None`
+    """An argument for numbers: its position, its name, the lengths of its first axes (`None`
     for any), whether it may be absent, and its range."""
 
     place: int
@@ -55,7 +56,7 @@ class _Number(NamedTuple):
 
 @typing.overload
 def formula(function: Function, /) -> Function:
-    """Without ranges."""
+    """Decorator without ranges."""
     ...
 
 
@@ -63,7 +64,7 @@ def formula(function: Function, /) -> Function:
 def formula(
     **ranges: Range,
 ) -> Callable[[Function], Function]:  # pyright: ignore[reportInvalidTypeVarUse]
-    """With the ranges of some arguments."""
+    """Decorator with the ranges of some arguments."""
     ...
 
 
@@ -71,11 +72,11 @@ def formula(function: Callable[..., object] | None = None, /, **ranges: Range) -
     """Check the arguments of a function that its annotations declare as real numbers:
     `@formula`, or with ranges `@formula(radius=POSITIVE, eccentricity=NOT_NEGATIVE)`.
 
-    Raises `InputError`, by the name of the argument, for a text, a complex number or another object
-    in the place of numbers, for an array with another number of components, and for a known number
+    Raises `InputError`, by the name of the argument, for text, complex numbers or other objects
+    instead of numbers, for an array with a wrong number of components, and for a concrete number
     that is NaN or out of its range. Of the known numbers of several runs one out of its range
-    becomes NaN, which marks its run and harms no other. What is traced is checked by its type and
-    shape alone, at no cost in the compiled program."""
+    becomes NaN, which marks its run and harms no other. Traced values are checked by type and shape
+    only, at no cost in the compiled program."""
     if function is None:
         return lambda function: _checked(function, ranges)
     return _checked(function, {})
@@ -121,8 +122,8 @@ def _numbers_of(function: Callable[..., object], ranges: Mapping[str, Range]) ->
 
 
 def _checked_value(number: _Number, x: object) -> object:
-    """`x`, with NaN for the runs that are out of the range. Raises `InputError` unless it can stand
-    for the number."""
+    """`x`, with NaN for the runs that are out of the range. Raises `InputError` unless it can be
+    used as the number."""
     # The kinds of most calls first.
     if isinstance(x, float | int):
         _check_range(number, x)
@@ -160,7 +161,8 @@ def _checked_value(number: _Number, x: object) -> object:
 
 def _check_layout(number: _Number, x: PyTree) -> None:
     """Raise `InputError` for as many known runs as components, of which one is at the centre: most
-    likely the runs lead. In another shape the result of such a run is NaN, and marks it alone."""
+    likely the runs lead. For other shapes the result of such a run is NaN, and marks this run
+    only."""
     if np.shape(x) == (3, 3) and is_concrete(x) and not np.all(AWAY.contains(np.asarray(x))):
         raise InputError(
             f"{number.name} has the shape (3, 3) and a column of zeros, the position of a run at "

@@ -1,4 +1,4 @@
-"""The interface of a block of a state that lies on a Lie group, for integrators on groups."""
+"""The interface of a block of a state on a Lie group, for Lie-group integrators."""
 
 from abc import abstractmethod
 from typing import TypeAlias, TypeGuard
@@ -43,12 +43,12 @@ class AbstractGroupElement(HashedModule):
 
 
 def on_group(x: PyTree) -> TypeGuard[AbstractGroupElement]:
-    """Whether a block of a state lies on a group."""
+    """Whether a block of a state is on a group."""
     return isinstance(x, AbstractGroupElement)
 
 
 def project(y: State) -> State:
-    """The state with every block that lies on a group projected onto it; other blocks as they are,
-    at no cost."""
+    """The state with every block on a group projected onto it; other blocks are unchanged, at no
+    cost."""
     # An element is one leaf: projection needs all of its arrays together.
     return jax.tree.map(lambda x: x.projected() if on_group(x) else x, y, is_leaf=on_group)

@@ -27,8 +27,8 @@ and where they are equal (hyperbolic functions).
 
 Source: Abramowitz and Stegun 16.27, 16.38, 17.3 (theta series, imaginary transformation, nome);
 DLMF 19.25.14, 19.26.18 (R_J); Carlson (1995), Numer. Algorithms 10, 13 (duplication). A step of the
-duplication adds an arc tangent, because rho^2 M = (M + x)(M + y). The difference x - y is an
-argument of its own: near the separatrix it decides, and must not be formed from x and y.
+duplication adds an arc tangent, because rho^2 M = (M + x)(M + y). The difference x - y is a
+separate argument: it is decisive near the separatrix, and must not be computed from x and y.
 """
 
 __all__ = ["Jacobi", "jacobi", "third"]
@@ -75,7 +75,7 @@ def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
     - `x`, `y`: parameters, 1/s^2, not negative.
     - `difference`: x - y, 1/s^2.
 
-    **Returns** them within a quarter period, with what was taken off.
+    **Returns** them within a quarter period, with the subtracted multiples.
     """
     swapped = difference < 0.0
     top, low = jnp.where(swapped, y, x), jnp.where(swapped, x, y)

@@ -1,9 +1,10 @@
-"""Functions under `jit` that cost little to call, and of which only the last programs are kept.
+"""Functions under `jit` with a low call overhead, of which only the most recent programs are
+cached.
 
 A function of a user (an event, an effect, a problem to minimise) is a static argument of a program:
-each new one is compiled again, even if its code is the same. JAX keeps the last 8192 programs, but
-each takes about 10 MB and 150 memory maps, of which a process may have 65,530 on Linux. So those of
-each function are limited here to the `KEPT` that were called last.
+each new one is compiled again, even if its code is the same. JAX caches the last 8192 programs, but
+each requires about 10 MB and 150 memory maps, of which a process may have 65,530 on Linux. So those
+of each function are limited here to the `KEPT` that were called last.
 """
 
 import functools
@@ -25,8 +26,8 @@ Options: TypeAlias = dict[str, CompilerOptions]
 QUICK: Options = {"compiler_options": {"xla_backend_optimization_level": 0}}
 
 KEPT = 32
-"""Number of programs that are kept of each function: 5,000 memory maps and 400 MB at most of a
-verb, and more than most scripts and notebooks go through before they return to one."""
+"""Number of cached programs per function: at most 5,000 memory maps and 400 MB per verb, and more
+than most scripts and notebooks use before they reuse one."""
 
 
 @final
@@ -70,8 +71,8 @@ def _program(
 def quick_jit(function: Callable[P, T], **options: CompilerOptions) -> Callable[P, T]:
     """`equinox.filter_jit` of a function, in two thirds of its time, with its last `KEPT` programs.
 
-    A short run takes less time than `equinox.filter_jit` does to bind its arguments and to listen
-    for errors. Here an error is raised by a second call, which words it as `equinox` does.
+    A short run takes less time than `equinox.filter_jit` needs to bind its arguments and to handle
+    errors. Here an error is raised by a second call, which words it as `equinox` does.
 
     `options`: the `compiler_options` of `jax.jit`. The result has a method `lower`, as that of
     `jax.jit` does."""
@@ -113,8 +114,8 @@ _CALLS: dict[str, Callable] = {}
 
 
 def compiled(function: Callable[P, T], **options: CompilerOptions) -> Callable[P, T]:
-    """`quick_jit` of a function that is made anew for each use, as that of a user's problem: all of
-    these functions together keep their last `KEPT` programs.
+    """`quick_jit` of a function that is created for each use, like that of a user's problem: all of
+    these functions together cache their last `KEPT` programs.
 
     The result is a tree, as is a function that is one: its arrays are arguments of the program,
     which other functions of the same structure then share."""

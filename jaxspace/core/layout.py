@@ -1,8 +1,8 @@
 """Arrays of a module that carry runs, by the annotations of its fields.
 
-A field annotated `Float[Array, "3 *#runs"]` holds three components and then the runs; one annotated
-`Scalar` holds the runs alone. An array with more axes than its components carries runs on its last
-axes. A field whose annotation names no runs declares nothing about them.
+A field annotated `Float[Array, "3 *#runs"]` has three components followed by the batch axes; one
+annotated `Scalar` has the batch axes only. An array with more axes than its components carries runs
+on its last axes. A field whose annotation names no runs declares nothing about them.
 """
 
 import dataclasses
@@ -43,7 +43,7 @@ def _annotations(cls: type) -> Mapping[str, object]:
 
 
 def _declared_axes(tree: PyTree, path: jax.tree_util.KeyPath) -> int | None:
-    """The component axes that the field which holds the leaf at `path` declares."""
+    """The component axes declared by the field that contains the leaf at `path`."""
     node: Any = tree
     annotation: Any = None
     for key in path:
@@ -69,7 +69,7 @@ def _is_array(leaf: object) -> bool:
 def component_axes_of(tree: PyTree) -> PyTree[int]:
     """Number of axes of components that each array of the tree declares before its runs.
 
-    -1 for an array whose field declares nothing, and for leaves that are no arrays."""
+    -1 for an array whose field has no declaration, and for leaves that are not arrays."""
     leaves, structure = jax.tree.flatten(tree)
     arrays = tuple(_is_array(leaf) for leaf in leaves)
     try:
@@ -102,7 +102,7 @@ def run_axes_of(tree: PyTree, undeclared: Callable[[Array], int]) -> PyTree[int]
     - `tree`: a system, a state, a mission: any tree of modules.
     - `undeclared`: called for an array whose field declares nothing.
 
-    **Returns** a tree of the same structure; leaves that are no arrays count as zero."""
+    **Returns** a tree of the same structure; leaves that are not arrays count as zero."""
 
     def count(leaf: PyTree, axes: int) -> int:
         if not _is_array(leaf):

@@ -1,7 +1,7 @@
-"""Tuples that properties give, which say so where they are called as methods.
+"""Tuples returned by properties, with a helpful error if they are called like methods.
 
-An array and a number cannot: they are objects of JAX and of Python, and `orbit.period()` ends in
-their own "object is not callable"."""
+Arrays and numbers cannot do this: they are JAX and Python objects, and `orbit.period()` raises the
+usual "object is not callable"."""
 
 import functools
 from collections.abc import Callable, Iterable
@@ -15,7 +15,7 @@ Method = TypeVar("Method", bound=Callable[[Any], Iterable[Any]])
 
 @jax.tree_util.register_pytree_node_class
 class Listed(tuple[T, ...]):
-    """A tuple that is the value of a property; tree transformations take it for a tuple."""
+    """A tuple that is the value of a property; tree transformations treat it as a tuple."""
 
     __slots__ = ()
 
@@ -31,8 +31,8 @@ class Listed(tuple[T, ...]):
 
 
 def no_method(method: Method) -> Method:
-    """Let the tuple of a property say what it is where it is called: between `@property` and the
-    method."""
+    """Decorator, placed between `@property` and the method, that makes the returned tuple raise a
+    helpful error if it is called."""
 
     @functools.wraps(method)
     def give(self: object) -> Listed[Any]:

@@ -1,6 +1,6 @@
-"""The public modules of a package: how its root imports them, and what they hold.
+"""The public modules of a package: how its root imports them, and their content.
 
-The root of a package holds what a user needs first. The rest stands in modules named by their
+The root of a package contains the most commonly used names. The rest is in modules named by their
 subject, each with its names in `__all__`; a module is imported when it is first used."""
 
 import difflib
@@ -13,7 +13,7 @@ from importlib import import_module
 
 
 class _Subject(types.ModuleType):
-    """A module that says what to write where it is called, as its function might be."""
+    """A module that raises a helpful error if it is called like a function."""
 
     def __call__(self, *args: object, **kwargs: object) -> None:
         del args, kwargs

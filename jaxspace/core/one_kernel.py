@@ -14,10 +14,11 @@ from .tracing import is_traced
 def in_one_kernel(function: Callable[..., PyTree], *args: PyTree) -> PyTree:
     """`function(*args)`: in a compiled program, on a CPU, as one kernel.
 
-    The compiler for CPUs makes a kernel of every few operations, which it takes 10 ms to compile,
-    but a single one of a whole loop that carries little. So the function becomes a loop of one
-    pass: a Kepler orbit then compiles in less than half of the time, and takes as long. It must not
-    be differentiated: it belongs into the value of a function with a rule for its derivative.
+    The CPU compiler creates a kernel, 10 ms of compilation each, for every few operations, but only
+    one for a whole loop with a small carry. The function therefore becomes a loop with one
+    iteration: a Kepler orbit then compiles in less than half of the time, at the same run time. It
+    must not be differentiated: it belongs into the value of a function with a rule for its
+    derivative.
 
     **Arguments**
 

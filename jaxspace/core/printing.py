@@ -1,8 +1,9 @@
-"""How results, states and declared parameters print: the names, numbers and units of their fields.
+"""Printing of results, states and declared parameters: the names, numbers and units of their
+fields.
 
-On one line where it fits, else as a table with a row for each field; a field that is such an object
-itself has a row for each of its own. Of an array with many numbers the shape is printed with the
-least and the greatest of them, and of one that is traced the shape alone.
+Printed on one line where it fits, else as a table with a row for each field; nested objects have a
+row for each of their fields. Large arrays are printed as their shape with the least and the
+greatest number, traced ones as their shape only.
 """
 
 import dataclasses
@@ -57,7 +58,7 @@ def printed(**units: Unit) -> Callable[[Class], Class]:
 
 
 def printed_form(thing: object) -> str:
-    """The fields of `thing`, which stands for its `__repr__`."""
+    """The fields of `thing`, as its `__repr__`."""
     rows = list(_rows(thing, ""))
     title = type(thing).__name__
     line = ", ".join(f"{row.name}={' '.join(filter(None, (row.value, row.unit)))}" for row in rows)
@@ -89,7 +90,7 @@ def _rows(thing: object, prefix: str) -> Iterator[Row]:
 
 
 def _row(x: PyTree, name: str, unit: Unit) -> Iterator[Row]:
-    """The rows of a value: one, or those of its own fields and entries."""
+    """The rows of a value: one, or those of its fields and entries."""
     if x is None:
         return
     if hasattr(type(x), UNITS):
@@ -156,5 +157,5 @@ def _numbers(x: np.ndarray, unit: Unit) -> str:
 
 
 def _number(x: object) -> str:
-    """Counts in full, measured numbers to six digits; with zero added, which has no sign."""
+    """Counts in full, measured numbers to six digits; negative zero is printed without sign."""
     return f"{x + 0.0:.6g}" if isinstance(x, float | np.floating) else f"{x}"

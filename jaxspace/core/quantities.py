@@ -33,17 +33,16 @@ REQUIRED = dataclasses.MISSING
 class Quantity(NamedTuple):
     """Declaration of a field, or of an argument of a named constructor.
 
-    - `unit`: dimensions of SI, such as "kg m^2"; empty for a pure number.
+    - `unit`: SI unit, such as "kg m^2"; empty for a dimensionless number.
     - `doc`: meaning, as a phrase that follows the name of the field.
     - `low`, `high`: the range of allowed values; a limit belongs to it unless it is `strict`.
-    - `optional`: whether `None` says that the field is absent.
-    - `fixed`: sets the shape of a computation, so that it cannot be dispersed.
+    - `optional`: whether the field may be absent (`None`).
+    - `fixed`: whether it determines the shape of a computation, so that it cannot be dispersed.
     - `shared`: where a scene file looks for a value that the table of the class does not give, such
       as "planet.mu".
     - `key`: the key in a scene file where it is not the name of the field.
-    - `shape`: without the axis of runs; `None` stands for any length.
-    - `batched`: whether axes of runs may follow.
-    - `least`: how many numbers a list of any length has in a scene file at least.
+    - `shape`: without the axis of runs; `None` means any length. - `batched`: whether batch axes
+      may follow. - `least`: minimum number of entries of a list of any length in a scene file.
     - `whole`: whether it counts something.
     - `direction`: whether the components on its first axis have a direction, so that not all of
       them are zero.
@@ -66,20 +65,20 @@ class Quantity(NamedTuple):
     batched: bool = True
 
     def fits(self, shape: tuple[int, ...]) -> bool:
-        """Whether an array of this shape has the declared axes, and beyond them runs alone."""
+        """Whether an array of this shape has the declared axes, followed by batch axes only."""
         count = len(self.shape)
         lengths = zip(self.shape, shape[:count], strict=False)
         same = all(declared is None or declared == length for declared, length in lengths)
         return same and (len(shape) >= count if self.batched else len(shape) == count)
 
     def form(self) -> str:
-        """The shape in words, as the end of the sentence "it must have the shape ..."."""
+        """The shape as text, completing the message "it must have the shape ..."."""
         axes = ["n" if length is None else str(length) for length in self.shape]
         axes += ["*runs"] if self.batched else []
         return f"({axes[0]},)" if len(axes) == 1 else f"({', '.join(axes)})"
 
     def allowed(self) -> str:
-        """The range in words, as the end of the sentence "it must be ..."."""
+        """The range as text, completing the message "it must be ..."."""
         if self.whole:
             return f"a whole number from {self.low:g} to {self.high:g}"
         if self.strict and self.low == 0.0 and self.high == math.inf:
@@ -95,8 +94,8 @@ class Quantity(NamedTuple):
         return f"{' and '.join(limits)}, and finite"
 
     def contains(self, value: ArrayLike) -> Array | np.ndarray | np.bool_:
-        """Whether each number of `value` is finite and within the range; of a traced value, an
-        array that says so."""
+        """Whether each number of `value` is finite and within the range; for a traced value, as an
+        array."""
         # Known values are checked by NumPy, because a check must not start a device.
         xp = np if is_concrete(value) else jnp
         x = xp.asarray(value)
@@ -108,8 +107,8 @@ class Quantity(NamedTuple):
         return xp.isfinite(x) & within
 
     def check(self, name: str, value: object) -> None:
-        """Raise `InputError` where a number of the known `value` of the field `name` is not
-        allowed, or where it has no direction and needs one; what is not known passes."""
+        """Raise `InputError` where a number of the concrete `value` of the field `name` is not
+        allowed, or where it has no direction but requires one; traced values pass."""
         if not is_concrete(value):
             return
         x = np.asarray(value)
@@ -164,15 +163,15 @@ def quantity(
     converter: Callable[..., object] | None = None,
     **declared: Any,
 ) -> Any:
-    """A field of a module that holds numbers of one quantity:
+    """A field of a module for numbers of one quantity:
     `mass: NumberField = quantity("kg", ...)`.
 
     The annotation gives the shape; the value is converted to a floating-point array.
 
     **Arguments**
 
-    - `unit`, `doc`, and by name what else `argument` takes, but the shape.
-    - `converter`: what turns the value into that of the field, in place of a floating-point array.
+    - `unit`, `doc`, and by name the other arguments of `argument` except the shape. - `converter`:
+      converts the value to that of the field, instead of a floating-point array.
     """
     made = argument(unit, doc=doc, **declared)
     if converter is None:
@@ -229,9 +228,8 @@ def check_shape(name: str, value: object, declared: Quantity) -> None:
 
     **Arguments**
 
-    - `name`: of the value, in the sentence.
-    - `value`: numbers, a list of them, or an array, which may be traced; what is no number
-      passes.
+    - `name`: of the value, in the message. - `value`: numbers, a list of them, or an array, which
+      may be traced; other objects pass.
     - `declared`: its declaration."""
     shape = _shape_of(value)
     if shape is None or declared.fits(shape):
@@ -315,8 +313,8 @@ class AbstractParameters(HashedModule):
     """A module whose numbers are declared by `quantity`, and checked when it is constructed.
 
     Raises `InputError` for a value of another kind than its field declares, such as a text, for one
-    without the declared axes, and for one outside its range; the sentence names class, field, value
-    and what is allowed. Of traced numbers the axes alone are checked."""
+    without the declared axes, and for one outside its range; the message names class, field, value
+    and the allowed values. Of traced numbers only the axes are checked."""
 
     # Those of the declarations: no field is named here.
     _printed_units: ClassVar[Mapping[str, Unit]] = {}

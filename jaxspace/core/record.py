@@ -1,4 +1,4 @@
-"""The record of how a result was made, as JSON can hold it."""
+"""The provenance record of a result, in JSON-compatible form."""
 
 import os
 import shlex
@@ -11,7 +11,8 @@ Record: TypeAlias = dict[str, Any]
 
 def resuming(attributes: Record, store: str | os.PathLike[str]) -> str:
     """The command that computes the missing runs of a store, or the call where the campaign with
-    these attributes was built in Python: the command line builds campaigns of scene files alone."""
+    these attributes was built in Python: the command line can rebuild campaigns of scene files
+    only."""
     if "scene_file" in attributes:
         return f"jaxspace resume {shlex.quote(str(store))}"
     return "disperse(..., resume=True)"

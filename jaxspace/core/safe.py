@@ -1,15 +1,15 @@
 """Functions without NaN: values and derivatives are finite on both sides of every `where`.
 
-jax differentiates the branch that a `where` does not take as well, and zero times infinity is NaN.
+JAX also differentiates the branch that a `where` does not select, and zero times infinity is NaN.
 That branch therefore gets a harmless argument. A removable singularity gets its series where the
 closed form has lost digits.
 
-**The rule of ends.** Where a quantity ends in a square root (it exists, or differs from zero, on
-one side alone), its slope there is infinite: `end_sqrt` reports plus or minus inf in both modes of
-differentiation along what moves the radicand, and zero along what does not. `safe_sqrt` is for
-lengths and for roots whose infinite slope a vanishing factor cancels: its slope at the end is zero.
-Where a value is itself infinite (a period on a separatrix), its derivatives are zero: from there
-no step leads to a finite one."""
+**Endpoint derivative convention.** Where a quantity ends in a square root (it exists, or differs
+from zero, on one side only), its slope there is infinite: `end_sqrt` reports plus or minus inf in
+both modes of differentiation along directions that change the radicand, and zero along the others.
+`safe_sqrt` is for lengths and for roots whose infinite slope a vanishing factor cancels: its slope
+at the end is zero. Where a value is itself infinite (a period on a separatrix), its derivatives are
+zero: from there no step leads to a finite one."""
 
 __all__ = [
     "end_sqrt",
@@ -69,7 +69,7 @@ def end_sqrt(radicand: Callable[..., Scalar], *args: Scalar) -> Scalar:
 
     **Arguments**
 
-    - `radicand`: acts on each run alone.
+    - `radicand`: acts elementwise on the runs.
     - `args`: arrays of runs, or one number for all.
 
     **Returns** the root. Its derivative at zero is inf times the sign of the radicand's along each
@@ -117,8 +117,8 @@ def _safe_divide_rule(
 
 
 def safe_atan2(y: Scalar, x: Scalar) -> Scalar:
-    """Angle of the point (x, y), rad; value and derivative are zero at the origin, which has no
-    angle.
+    """Angle of the point (x, y), rad; value and derivative are zero at the origin, where the angle
+    is undefined.
 
     **Arguments**
 
@@ -128,7 +128,7 @@ def safe_atan2(y: Scalar, x: Scalar) -> Scalar:
 
 
 def phi1(x: Scalar) -> Scalar:
-    """(e^x - 1) / x, with its series about x = 0, so that every derivative holds there too."""
+    """(e^x - 1) / x, with its series about x = 0, so that every derivative is valid there, too."""
     # The derivative of the quotient loses 1/x of a rounding.
     small = jnp.abs(x) < 0.5
     s = jnp.where(small, x, 0.0)

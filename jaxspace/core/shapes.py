@@ -20,12 +20,12 @@ RULE = "(components lead, then times, then runs)"
 
 
 def check_components(name: str, x: object, count: int, axes: int = 1) -> None:
-    """Check that each of the leading axes of an array holds the components.
+    """Check that the leading axes of an array have the number of components.
 
     **Arguments**
 
     - `name`: of the array, as the message shows it: "dot: a".
-    - `x`: the array. What is no array passes: `None`, a placeholder of a tree transformation, a
+    - `x`: the array. Other objects pass: `None`, a placeholder of a tree transformation, a
       `jax.ShapeDtypeStruct`, a Python number or list.
     - `count`: the number of components, 3 or 4.
     - `axes`: how many leading axes have this length, 2 for a matrix.
@@ -46,8 +46,8 @@ def check_components(name: str, x: object, count: int, axes: int = 1) -> None:
 def with_rank(x: Array, rank: int, axes: int = 1) -> Array:
     """An array of components with `rank` axes of times and runs, the new ones of length one.
 
-    The new axes stand behind the `axes` component axes: (3, runs) becomes (3, 1, runs), which meets
-    (3, times, runs) and broadcasts. jax alone would put them in front of the components.
+    The new axes follow the `axes` component axes: (3, runs) becomes (3, 1, runs), which broadcasts
+    with (3, times, runs). JAX itself would prepend them to the components.
 
     **Arguments**
 
@@ -66,7 +66,7 @@ def runs_last(tree: PyTree) -> PyTree:
 
     The first axis of every array becomes its last: (runs, 3) becomes (3, runs), and
     (runs, times, 3) becomes (times, 3, runs), whose components the caller moves to the front.
-    Arrays without axes, `None` and whatever is no array stay as they are.
+    Arrays without axes, `None` and other objects are unchanged.
     """
     return jax.tree.map(functools.partial(_move, source=0, target=-1), tree)
 

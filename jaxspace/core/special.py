@@ -34,7 +34,7 @@ def stumpff(z: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     **Arguments**
 
     - `z`: up to pi^2, and down to where the hyperbolic functions leave the range of the precision.
-      The caller takes whole turns off a larger z.
+      The caller subtracts whole turns from a larger z.
 
     **Returns** c2, c3, c4 and c5, each of the shape of `z`. No digit is lost by cancellation, and
     the derivatives of every order are those of the functions.

@@ -1,9 +1,9 @@
 """Square roots and their reciprocals, in the forms that each processor computes fast.
 
 The compiler turns `a / jnp.sqrt(x)` into `a * rsqrt(x)`. In double precision a processor without
-AVX-512 has no instruction for it, and what the compiler writes in its place takes four times as
-long as a root and a division; with AVX-512 it takes half as long. These are new primitives, because
-the form is chosen when a program is lowered to its device.
+AVX-512 has no instruction for it, and the code emitted by the compiler takes four times as long as
+a root and a division; with AVX-512 the instruction takes half as long. These are new primitives,
+because the form is chosen when a program is lowered to its device.
 """
 
 __all__ = ["inverse_sqrt", "sqrt"]
@@ -48,9 +48,9 @@ def inverse_sqrt(x: Scalar, power: int = 1) -> Scalar:
       derivative at zero is minus infinity, as that of 1 / sqrt(x).
     - `power`: a whole number of one or more.
 
-    **Returns** the power. By a root and a division, which a CPU without AVX-512 takes in float64,
-    its error is at most 1.5 units in the last place, and 3 `power` - 1 of a higher power; by the
-    instruction of the processor 4 `power` - 2 units."""
+    **Returns** the power. Computed with a root and a division, as on a CPU without AVX-512 in
+    float64, its error is at most 1.5 units in the last place, and 3 `power` - 1 for a higher power;
+    with the instruction of the processor 4 `power` - 2 units."""
     return inverse_sqrt_p.bind(_number(x), power=power)
 
 
@@ -61,7 +61,7 @@ def _number(x: Scalar) -> Array:
 
 @functools.cache
 def has_instruction() -> bool:
-    """Whether the processor has AVX-512, and the compiler is not told to do without."""
+    """Whether the processor has AVX-512, and it is not disabled in the compiler."""
     allowed = re.search(r"xla_cpu_max_isa=(\w+)", os.environ.get("XLA_FLAGS", ""))
     if allowed and allowed[1].upper() in ("SSE4_2", "AVX", "AVX2"):
         return False

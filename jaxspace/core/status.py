@@ -1,4 +1,5 @@
-"""Status of a run: a number, one for each run of a batch, and a sentence that says what to do."""
+"""Status of a run: a number, one for each run of a batch, and an explanatory message with a
+remedy."""
 
 import contextlib
 import enum
@@ -13,8 +14,9 @@ from jaxtyping import Array, Bool, Float, Int
 class Status(enum.IntEnum):
     """Status of a finished run.
 
-    `sentence` says what happened and what to do. A status above `EVENT` is a failure: the states
-    that the run did not reach are NaN. Below `COMPLETED` the states are there, and doubtful."""
+    `sentence` explains what happened and how to proceed. A status above `EVENT` is a failure: the
+    states that the run did not reach are NaN. Below `COMPLETED` the states are there, and
+    doubtful."""
 
     BELOW_GROUND = -1
     COMPLETED = 0
@@ -36,7 +38,7 @@ class Status(enum.IntEnum):
 
     @property
     def sentence(self) -> str:
-        """Explanation of the status, and what to do about it."""
+        """Explanation of the status, and how to proceed."""
         return _SENTENCES[self]
 
     @property
@@ -109,15 +111,15 @@ _SENTENCES = {
 
 
 class SimulationError(RuntimeError):
-    """A run failed; the message carries the sentence of its `Status`."""
+    """A run failed; the message contains the sentence of its `Status`."""
 
 
 @contextlib.contextmanager
 def sentence_alone() -> Iterator[None]:
-    """In this context, turn the error of a program with a failed run into a `SimulationError`.
+    """In this context, convert the error of a program with a failed run to a `SimulationError`.
 
-    JAX raises an error of its own with the traceback of the call. It is caught where the library
-    calls a program; what a user compiles raises it at the user's call."""
+    JAX raises a separate error with the traceback of the call. It is caught where the library
+    calls a program; a program compiled by the user raises it at the user's call."""
     try:
         yield
     # Which of the two is raised depends on how JAX calls the program.
@@ -149,9 +151,9 @@ def time_unresolved(
 
 
 def raise_on_failure(status: Array, where: Callable[[], str] | None = None) -> None:
-    """Raise `SimulationError` for the first failure among known statuses, with its sentence.
+    """Raise `SimulationError` for the first failure among concrete statuses, with its message.
 
-    `where` is a further sentence: the time and the state in which a single run failed."""
+    `where` is an additional message: the time and the state at which a single run failed."""
     every = np.asarray(status).reshape(-1)
     failures = every > Status.EVENT
     if not failures.any():

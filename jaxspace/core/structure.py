@@ -104,9 +104,9 @@ class HashedModule(eqx.Module):
 
 
 def same_structure(first: PyTree, second: PyTree) -> bool:
-    """Whether two trees differ in the numbers of their arrays alone.
+    """Whether two trees differ only in the numbers of their arrays.
 
-    Trees with a leaf or a static field that cannot be hashed are no such trees."""
+    Trees with an unhashable leaf or static field are excluded."""
     try:
         return _make_of(first) == _make_of(second)
     except TypeError:
@@ -143,7 +143,7 @@ def reads_a_leaf(function: Callable[[PyTree], T]) -> Callable[[PyTree], T]:
     """A function of a tree that returns one of its leaves, or `None`: run once for each structure
     and shapes, to see which leaf it is. One that computes its result runs every time.
 
-    To read a leaf takes a hundredth of the time in which a scene makes its regularised
+    Reading a leaf takes a hundredth of the time in which a scene creates its regularised
     variables."""
 
     @once_per_structure
@@ -174,8 +174,9 @@ def reads_a_leaf(function: Callable[[PyTree], T]) -> Callable[[PyTree], T]:
 
 
 def without_numbers(function: Callable[..., T]) -> Callable[..., T]:
-    """A function of trees whose answer holds no array and depends on no number: traced once for
-    each structure and shapes. A function that reads a number after all runs every time."""
+    """A function of trees whose result contains no arrays and does not depend on numbers: traced
+    once for each structure and set of shapes. A function that reads a number after all runs every
+    time."""
 
     @once_per_structure
     def traced(*args: PyTree) -> tuple[T] | None:

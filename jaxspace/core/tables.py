@@ -9,8 +9,8 @@ The second derivatives M of the spline follow from continuous slopes and M = 0 a
 natural spline). Before the first node and after the last one both are constant.
 
 The derivative of a table by one of its values is a hat that the steps of an integration pass over
-unseen: the run is right, and its gradient is not. Every integration of a system that holds a table
-therefore lands on its nodes (`breaks_of`).
+unseen: the run is right, and its gradient is not. Every integration of a system that contains a
+table therefore steps exactly onto its nodes (`breaks_of`).
 
 Source: de Boor, A Practical Guide to Splines, IV.
 """
@@ -80,7 +80,7 @@ def polygon(
 
 @jax.custom_jvp
 def _polygon(x: Scalar, nodes: Array, values: Array) -> Array:
-    """As `polygon`, of nodes and values with axes for the runs."""
+    """Like `polygon`, for nodes and values with batch axes."""
     widths = nodes[1:] - nodes[:-1]
     # A sum over all intervals: a search and a gather for each run cost more than a few
     # multiplications for each node.
@@ -141,7 +141,7 @@ class AbstractTable(HashedModule):
         if times[:1] != values[:1] or times in ((), (0,), (1,)):
             raise InputError(
                 f"{name} has times of the shape {times} and values of the shape {values}: "
-                f"it must have as many of both, two or more."
+                f"it must have the same number of both, at least two."
             )
         check_finite(f"{name}.values", self.values)
         if is_concrete(self.times):
@@ -163,7 +163,7 @@ class AbstractTable(HashedModule):
 class Table(AbstractTable):
     """A function of time, linear between its nodes: `Table(times, values)(t)`.
 
-    - `times`, s, ascending; `values` there: both (nodes, *runs). A vector takes a table for each
+    - `times`, s, ascending; `values` there: both (nodes, *runs). A vector requires a table for each
       component.
 
     As a part of a system, of an effect or of a function in one, its nodes are `breaks` of every

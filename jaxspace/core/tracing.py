@@ -25,7 +25,8 @@ def is_traced(tree: PyTree) -> bool:
 def depending_on(jaxpr: Jaxpr, variables: Sequence[Var]) -> set[Var]:
     """The variables of a traced function that some operation leads to from these `variables`.
 
-    Forwards through the operations: what is computed from one of them may depend on it."""
+    Forward propagation through the operations: results computed from one of them may depend on
+    it."""
     moved = set(variables)
     for operation in jaxpr.eqns:
         if any(x in moved for x in operation.invars if not isinstance(x, Literal)):

@@ -6,8 +6,8 @@
     t > tan(pi/8): (t - 1) / (t + 1) and pi/4
 
 In double precision XLA calls the mathematical library of a CPU for one number after the other.
-These polynomials, in vectors, take a tenth of that time, and are within two units in the last
-place. In single precision XLA has vectors itself, and is asked.
+These polynomials, vectorised, take a tenth of that time, with errors of at most two units in the
+last place. In single precision XLA has vectors itself, and is asked.
 
 Source: the reductions are those of Cody and Waite (1980), Software Manual for the Elementary
 Functions; the polynomials interpolate at Chebyshev's places, with errors below 3e-17 of the result.

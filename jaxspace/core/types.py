@@ -1,6 +1,6 @@
 """The types that every formula shares: components lead, runs trail (`*runs` is empty for one run).
 
-Along a trajectory the times stand before the runs; `*runs` then means both.
+Along a trajectory the time axis precedes the batch axes; `*runs` then means both.
 """
 
 __all__ = ["SingleNumberField", "as_float", "as_optional_float"]
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
     class NumberField:
         """A declared number of a module: an array, made of any number or array that is given.
 
-        A descriptor, because the constructor of a class takes more than its field then holds, and
-        type checkers read what it takes from `__set__`."""
+        A descriptor, because the constructor of a class accepts more types than its field has, and
+        type checkers read the accepted types from `__set__`."""
 
         def __get__(self, instance: object, owner: object = None) -> Array: ...
 
         def __set__(self, instance: object, value: ArrayLike) -> None: ...
 
     class OptionalNumberField:
-        """The same, or `None` for what is absent."""
+        """The same, or `None` if absent."""
 
         def __get__(self, instance: object, owner: object = None) -> Array | None: ...
 
@@ -55,12 +55,12 @@ REAL = ("real floating", "integral")
 
 
 def as_float(x: object) -> Any:
-    """`x` as a floating-point array, for the fields of a module.
+    """Convert `x` to a floating-point array, for the fields of a module.
 
-    A Python number stays weakly typed, alone and in a list, so that the precision follows the state
-    that it meets. Integers become floats. Whatever holds something else than real numbers passes as
-    it is, for the check of the field: a placeholder of a tree transformation, a text, complex
-    numbers, rows of different lengths."""
+    Python numbers remain weakly typed, individually and in lists, so that the precision follows the
+    state. Integers become floats. Anything but real numbers passes unchanged, for the check of the
+    field: a placeholder of a tree transformation, a text, complex numbers, rows of different
+    lengths."""
     if isinstance(x, Array) and x.dtype.kind == "f":
         # Nothing to convert: most calls are such.
         return x
@@ -79,7 +79,7 @@ def _is_real(x: PyTree) -> bool:
 
 
 def _stacked(x: PyTree) -> PyTree:
-    """Numbers in a list as an array; the list itself where it holds something else."""
+    """Numbers in a list as an array; the list itself if it contains anything else."""
     parts = [as_float(v) for v in x]
     arrays = all(isinstance(v, np.ndarray | Array) and _is_real(v) for v in parts)
     if not arrays or len({v.shape for v in parts}) > 1:
@@ -115,5 +115,5 @@ def follow_precision(tree: T, *numbers: PyTree) -> T:
 
 
 def as_optional_float(x: object) -> Any:
-    """`as_float`, with `None` for what is absent."""
+    """`as_float`, with `None` for absent values."""
     return None if x is None else as_float(x)

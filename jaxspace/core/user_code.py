@@ -1,4 +1,4 @@
-"""Python files with a user's own physics, run by their text."""
+"""Python files with user-defined physics, executed from their text."""
 
 import functools
 import hashlib
@@ -27,8 +27,8 @@ def run_module(name: str, text: str) -> ModuleType:
     - `name`: of the file, such as "my_effects.py".
     - `text`: of the file.
 
-    **Returns** the module. Its name follows from the arguments, so that what it defines can be sent
-    to a process that has run the same text.
+    **Returns** the module. Its name follows from the arguments, so that its definitions can be sent
+    to a process that has executed the same text.
 
     **Raises** `InputError` with the line where the text raises an error."""
     # With the hash: a worker may serve campaigns of two versions of the file in turn.

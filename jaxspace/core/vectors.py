@@ -45,7 +45,7 @@ def dot(a: Vector, b: Vector) -> Scalar:
 
     - `a`, `b`: vectors, (3, *runs).
 
-    **Raises** `InputError` where the first axis does not hold three components."""
+    **Raises** `InputError` where the first axis does not have three components."""
     check_components("dot: a", a, 3)
     check_components("dot: b", b, 3)
     rank = max(a.ndim, b.ndim) - 1
@@ -79,7 +79,7 @@ def inverse_norm(a: Vector, power: int = 1) -> Scalar:
     - `a`: a vector, (3, *runs).
     - `power`: a whole number of one or more.
 
-    **Raises** `InputError` where the first axis does not hold three components."""
+    **Raises** `InputError` where the first axis does not have three components."""
     check_components("inverse_norm: a", a, 3)
     return inverse_sqrt(dot(a, a), power)
 
@@ -100,8 +100,8 @@ def _inverse_norm_rule(
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(2,))
 def over_norm(scalar: Scalar, a: Vector, power: int = 1) -> Scalar:
-    """scalar / |a|^power, where 1 / |a|^power alone may leave the range of float32: that of the
-    distance of Neptune, in metres, is zero there.
+    """scalar / |a|^power, where 1 / |a|^power by itself may leave the range of float32: for the
+    distance of Neptune, in metres, it is zero there.
 
     **Arguments**
 
@@ -109,7 +109,7 @@ def over_norm(scalar: Scalar, a: Vector, power: int = 1) -> Scalar:
     - `a`: a vector, (3, *runs).
     - `power`: a whole number of one or more.
 
-    **Raises** `InputError` where the first axis of `a` does not hold three components."""
+    **Raises** `InputError` where the first axis of `a` does not have three components."""
     p = inverse_norm(a)
     return functools.reduce(jnp.multiply, [p] * power, scalar)
 
@@ -135,7 +135,7 @@ def scale(scalar: Scalar, a: Vector) -> Vector:
     - `scalar`: a number, (*runs,).
     - `a`: a vector, (3, *runs).
 
-    **Raises** `InputError` where the first axis of `a` does not hold three components."""
+    **Raises** `InputError` where the first axis of `a` does not have three components."""
     check_components("scale: a", a, 3)
     return scalar * with_rank(a, jnp.ndim(scalar))
 
@@ -164,7 +164,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
     - `a`, `b`: vectors, (3, *runs).
 
-    **Raises** `InputError` where the first axis does not hold three components."""
+    **Raises** `InputError` where the first axis does not have three components."""
     check_components("cross: a", a, 3)
     check_components("cross: b", b, 3)
     a0, a1, a2 = components(a)
@@ -175,8 +175,8 @@ def cross(a: Vector, b: Vector) -> Vector:
 def components(a: Array) -> list[Scalar]:
     """The components of a vector, (n, *runs), each (*runs,).
 
-    By one split, whose transpose joins what reverse mode has found of each. That of an index would
-    pad each with zeros and add them up (measured: a third of the time of a step)."""
+    Computed with one split, whose transpose joins the cotangents of reverse mode. That of an index
+    would pad each with zeros and add them up (measured: a third of the time of a step)."""
     a = jnp.asarray(a)
     return [jnp.squeeze(x, 0) for x in jax.lax.split(a, (1,) * a.shape[0])]
 
@@ -185,7 +185,7 @@ def components(a: Array) -> list[Scalar]:
 def norm(a: Vector) -> Scalar:
     """Length |a|; at a = 0 the derivative is zero, the mean of the one-sided ones, and never NaN.
 
-    Raises `InputError` where the first axis does not hold three components."""
+    Raises `InputError` where the first axis does not have three components."""
     check_components("norm: a", a, 3)
     factor = square_factor(*components(a))
     if isinstance(factor, float):
@@ -207,9 +207,9 @@ def _norm_rule(primals: tuple[Vector], tangents: tuple[Vector]) -> tuple[Scalar,
 def unit(a: Vector) -> Vector:
     """Direction a / |a|; the zero vector stays zero.
 
-    Along `a` itself the derivative vanishes: what is left of it there is a rounding of 1/|a|.
+    Along `a` itself the derivative vanishes up to the rounding of 1/|a|.
 
-    Raises `InputError` where the first axis does not hold three components."""
+    Raises `InputError` where the first axis does not have three components."""
     check_components("unit: a", a, 3)
     return safe_divide(a, norm(a))
 
@@ -224,7 +224,7 @@ def _unit_rule(primals: tuple[Vector], tangents: tuple[Vector]) -> tuple[Vector,
 
 
 def identity(rank: int) -> Matrix:
-    """The unit matrix with `rank` axes of runs, (3, 3, 1, ...), in the precision of what it meets.
+    """The unit matrix with `rank` batch axes, (3, 3, 1, ...), in the precision of its operand.
 
     **Arguments**
 
@@ -240,7 +240,7 @@ def matvec(m: Matrix, a: Vector) -> Vector:
     - `m`: a matrix, (3, 3, *runs).
     - `a`: a vector, (3, *runs).
 
-    **Raises** `InputError` where the leading axes do not hold 3 x 3 and three components."""
+    **Raises** `InputError` where the leading axes do not have 3 x 3 and three components."""
     check_components("matvec: m", m, 3, axes=2)
     check_components("matvec: a", a, 3)
     m = with_rank(m, a.ndim - 1, axes=2)
@@ -255,7 +255,7 @@ def solve3(m: Matrix, b: Vector) -> Vector:
     - `m`: a matrix, (3, 3, *runs).
     - `b`: a vector, (3, *runs).
 
-    **Raises** `InputError` where the leading axes do not hold 3 x 3 and three components."""
+    **Raises** `InputError` where the leading axes do not have 3 x 3 and three components."""
     check_components("solve3: m", m, 3, axes=2)
     check_components("solve3: b", b, 3)
     # Written out: `jnp.linalg.solve` calls a library for each matrix and fuses with nothing.

@@ -1,5 +1,5 @@
-"""Minima under constraints, by gradients: quadratic programmes, or any optimiser of optax. Nothing
-here knows what is minimised."""
+"""Minima under constraints, by gradients: quadratic programmes, or any optimiser of optax. The
+package is independent of the minimised problem."""
 
 from ._criterion import Criterion as Criterion
 from ._criterion import Minimum as Minimum

@@ -25,9 +25,9 @@ Point: TypeAlias = PyTree[Float[Array, "..."]]
 class Criterion(eqx.Module):
     """Objective and constraints of a problem at a point.
 
-    - `objective`: what is minimised.
+    - `objective`: the minimised value.
     - `equal_zero`, `non_negative`: the constraints c and d, arrays, or `None` where there are none.
-    - `report`: whatever else the caller needs at the minimum.
+      - `report`: further values that the caller needs at the minimum.
     """
 
     objective: Float[Array, ""]
@@ -97,7 +97,8 @@ FARTHEST = 1e10
 def farthest(z: Float[Array, " n"], most: float = FARTHEST) -> Float[Array, ""]:
     """Largest size of the scaled unknowns of a search that starts at z.
 
-    Beyond it the objective most likely has no minimum, and rounding hides steps of unit size."""
+    Beyond it the objective most likely has no minimum, and steps of unit size are lost in
+    rounding."""
     most = min(most, 1.0 / float(jnp.finfo(z.dtype).eps))
     return most * jnp.maximum(1.0, jnp.max(jnp.abs(z)))
 
@@ -109,7 +110,7 @@ def stop_reason(
     infeasible: Bool[Array, ""],
     diverged: Bool[Array, ""],
 ) -> Int[Array, ""]:
-    """Why the search ended, where more than one reason may hold.
+    """The reason why the search ended, where several may apply.
 
     - `infeasible`: the constraints are violated, and no step reduces that (`_infeasibility.py`).
     - `diverged`: the unknowns are beyond `farthest`."""
@@ -136,12 +137,12 @@ class Minimum(HashedModule):
       the gradient is as small as the rounding of the objective allows (`StopReason.ROUNDED`).
     - `gradient_error`: the relative difference between the gradient and finite differences at the
       start; zero where it was not checked. Above 1e-3 the gradient is wrong.
-    - `reason`: why the search ended, a `StopReason`; `sentence()` says it.
-    - `bound_multipliers`: the derivative of the objective by each active bound, in the place of its
-      unknown in x; about zero elsewhere.
+    - `reason`: why the search ended, a `StopReason`; `sentence()` explains it. -
+      `bound_multipliers`: the derivative of the objective with respect to each active bound, at the
+      position of its unknown in x; about zero elsewhere.
     - `history`: objective, scaled violation and scaled gradient after each step, (rows, 3), NaN for
       steps not taken.
-    - `left_out`: steps that were left out because they led to numbers that are not finite;
+    - `left_out`: number of steps skipped because they led to values that are not finite;
       `refused`: the criterion at the last of them, zeros where there was none.
     - `search`: the state of the search, from which `minimise` can continue.
     - `tolerance`: the tolerance of the scaled gradient and violation.
@@ -170,8 +171,8 @@ class Minimum(HashedModule):
         return convergence_figure(self.history, title)
 
     def sentence(self, unmet: Sequence[str] | None = None) -> str:
-        """Why the search ended, in words; for a search that stops short of the tolerance also the
-        constraints not met, and what helps. For a known result of one run.
+        """A message why the search ended; for a search that did not reach the tolerance it includes
+        the violated constraints and a remedy. For a known result of one run.
 
         - `unmet`: a clause for each constraint that is not met, in place of its number here.
 
@@ -207,8 +208,9 @@ class Minimum(HashedModule):
     @property
     @no_method
     def unread(self) -> tuple[str, ...]:
-        """The unknowns by which the derivative that differs most from finite differences is exactly
-        zero where the search began or ended, for a known result of one run."""
+        """The unknowns with respect to which the derivative that differs most from finite
+        differences is exactly zero at the start or end of the search, for a concrete result of one
+        run."""
         if self.search is None:
             return ()
         at = self.search.at
@@ -224,8 +226,8 @@ class Minimum(HashedModule):
         ]
 
     def _sizes(self) -> str:
-        """What to do about unknowns that the search counts in ones beside much larger ones, in a
-        sentence; empty where there are none."""
+        """Advice about unknowns with unit scale next to much larger ones; empty where there are
+        none."""
         size = np.ravel(np.asarray(getattr(self.search, "size", 1.0)))
         largest = int(np.argmax(size))
         ones = np.flatnonzero(size == 1.0)
@@ -265,7 +267,7 @@ class Minimum(HashedModule):
         """The largest derivative of objective and constraints by each unknown, scaled as in the
         search; zero for an unknown on which none of them depends there. For one run.
 
-        Raises `InputError` for a `Minimum` that keeps no search."""
+        Raises `InputError` for a `Minimum` without the state of its search."""
         if self.search is None:
             raise InputError(
                 "Minimum.influence requires the state of the search, which this Minimum does not "
@@ -278,7 +280,7 @@ class Minimum(HashedModule):
     @property
     @no_method
     def unmet(self) -> tuple[Bool[np.ndarray, " equal"], Bool[np.ndarray, " inequal"]]:
-        """Which equalities and which inequalities are not met, flat, for a known result of one run.
+        """The violated equalities and inequalities, flattened, for a concrete result of one run.
 
         No entry is true where the search converged, or did not begin."""
         parts = (self.criterion.equal_zero, self.criterion.non_negative)

@@ -2,14 +2,14 @@
 
     q <- q + share * update(grad L, state, q, value=L, grad=grad L, value_fn=L)
 
-A round is a descent of one augmented Lagrangian (`_lagrangian.py`); it ends where the gradient is
-small beside the violation, or where neither falls. The optimiser goes on through all rounds, with
-its moments and schedules; what it holds of a single function (curvature, the end of a line search)
-begins again with each. A step to a place whose numbers are not finite is left out, counted, and
-tried again with a quarter of its length. The result is the place of the least exact penalty, for an
-optimiser of fixed steps does not fall at each of them.
+A round is a descent of one augmented Lagrangian (`_lagrangian.py`); it ends when the gradient is
+small compared with the violation, or when neither decreases. The optimiser continues through all
+rounds, with its moments and schedules; its state for a single function (curvature, the end of a
+line search) is reset with each. A step to a place whose numbers are not finite is left out,
+counted, and tried again with a quarter of its length. The result is the point of the least exact
+penalty, because an optimiser with fixed steps does not descend at each of them.
 
-Files: `optimiser.py` (what optax is given), `_descent_state.py`, `_free_numbers.py` (bounds). The
+Files: `optimiser.py` (inputs of optax), `_descent_state.py`, `_free_numbers.py` (bounds). The
 loop is that of `_drive.py`.
 """
 
@@ -233,7 +233,7 @@ def _place(s: DescentState, found: Evaluation, z: Array, setting: Setting) -> Pl
 
 
 def _no_worse(place: Place, best: Place) -> Bool[Array, ""]:
-    """Whether the exact penalty is no larger than at the best place."""
+    """Whether the exact penalty is at most that of the best point."""
     if not place.y.size + place.nu.size:
         return place.at.f <= best.at.f
     largest = jnp.max(jnp.abs(jnp.concatenate([place.y, place.nu])), initial=0.0)

@@ -37,14 +37,12 @@ class Place(NamedTuple):
 class DescentState(NamedTuple):
     """State of the search between two steps.
 
-    - `q`, `here`: free numbers (`_free_numbers.py`), and what is known there.
-    - `best`: the place of the least exact penalty.
-    - `step`: the last update, of which `trial` takes a `share`.
+    - `q`, `here`: unconstrained variables (`_free_numbers.py`), and the values there. - `best`: the
+      point of the least exact penalty. - `step`: the last update, of which `trial` uses a `share`.
     - `multipliers`: of the augmented Lagrangian; `missed`: its violation at the start of the round
       and of the last one; `round_steps`: steps of this round.
-    - `optimiser`: what optax holds.
-    - `still`: steps in sequence that changed nothing; `stopped`: whether none will; `fastest`: the
-      greatest ratio of a step and its gradient.
+    - `optimiser`: the state of optax. - `still`: consecutive steps without change; `stopped`:
+      whether none will; `fastest`: the greatest ratio of a step and its gradient.
     - `left_out`: steps that were not finite; `refused`: the report of the last of them.
     - `averaging`: 1 where `trial` is the average of a schedule-free optimiser, 2 after it.
     - `start`: z at the start; `judged`, `judgements`: as in `SqpState`; `displaced`: 1 where
@@ -87,11 +85,11 @@ class DescentState(NamedTuple):
 
     @property
     def at(self) -> Values:
-        """What is known at the place of the result."""
+        """The values at the point of the result."""
         return self.best.at
 
     def resumed(self, rows: Array) -> "DescentState":
-        """The state from which the search goes on, with space for further `rows`."""
+        """The state from which the search continues, with space for further `rows`."""
         zero = jnp.asarray(0)
         return self._replace(
             rows=rows,
@@ -104,11 +102,11 @@ class DescentState(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """What does not change during a search.
+    """The constants of a search.
 
-    - `derivatives`: of the stacked values f, c, d in z, with the values and the report beside them;
-      `values`: the values alone, whose derivative is the former.
-    - `inside`: z of free numbers, or `None` without bounds.
+    - `derivatives`: of the stacked values f, c, d in z, together with the values and the report;
+      `values`: the values only, whose derivative is the former. - `inside`: z of unconstrained
+      variables, or `None` without bounds.
     - `stepper`: the optimiser; `me`: the number of equalities; `constrained`: whether there are
       constraints; `check`: whether the gradient at the start is probed."""
 
@@ -122,7 +120,7 @@ class Setting(NamedTuple):
     check: bool
 
     def point(self, q: Float[Array, " n"]) -> Float[Array, " n"]:
-        """The z of free numbers."""
+        """The z of unconstrained variables."""
         return q if self.inside is None else self.inside(q)
 
 
@@ -166,7 +164,7 @@ def converged(place: Place, limits: Limits) -> Bool[Array, ""]:
 
 
 def over(s: DescentState, limits: Limits) -> Bool[Array, ""]:
-    """Whether the optimiser takes no further step."""
+    """Whether the optimiser is finished."""
     ended = (converged(s.here, limits) & s.judged) | s.stopped | (s.taken >= s.rows.shape[0])
     ended = ended | ~(s.wrong <= GRADIENT_TOLERANCE) | ~s.here.at.sound()
     return (s.calls > 0) & (ended | diverged(s, limits))

@@ -51,7 +51,7 @@ def drive(
     - `evaluate`: a function from a state to values and derivatives at its `trial`.
     - `advance`: the next state; `unfinished`: whether there is one.
     - `progress`: see `Progress`; its numbers are the last row of `state.rows`.
-    - `store`: keeps the state after each step.
+    - `store`: saves the state after each step.
     """
     if not is_traced(state):
         # A weak type of the start would make another program of each further step.

@@ -33,7 +33,8 @@ def as_point(start: PyTree, name: str = "start") -> Point:
 
 
 def shapes_of(problem: Callable[[Point], Criterion], start: Point) -> Criterion:
-    """The shapes of what the problem returns. Raises `InputError` where it is not a `Criterion`."""
+    """The shapes of the values that the problem returns. Raises `InputError` where it is not a
+    `Criterion`."""
     # A function, which has a name: of any other callable jax would print the whole content.
     returned = jax.eval_shape(lambda x: problem(x), start)
     if not isinstance(returned, Criterion):

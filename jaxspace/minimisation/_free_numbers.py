@@ -32,7 +32,7 @@ class FreeNumbers(NamedTuple):
     high: Numbers
 
     def inside(self, q: Numbers) -> Numbers:
-        """The z of free numbers."""
+        """The z of unconstrained variables."""
         below, above, low, h = self._sides()
         high = jnp.where(above, self.high, 0.0)
         # By the half of the difference, which keeps the digits of a z that is small beside h.
@@ -43,7 +43,7 @@ class FreeNumbers(NamedTuple):
         return jnp.where(below & above, both, one)
 
     def first(self) -> Numbers:
-        """The free numbers of the start."""
+        """The unconstrained variables of the start."""
         below, above, low, _ = self._sides()
         off = 1.0 + jnp.where(
             below, self.start - low, jnp.where(above, self.high, 0.0) - self.start
@@ -63,6 +63,6 @@ class FreeNumbers(NamedTuple):
 
 
 def free_numbers(z: Numbers, low: Numbers, high: Numbers) -> FreeNumbers:
-    """The map for a search from z, which is moved inside where it lies on a bound or beyond."""
+    """The map for a search from z, which is moved inside where it is on a bound or beyond."""
     near = NEAREST * jnp.minimum(high - low, 1.0)
     return FreeNumbers(jnp.clip(z, low + near, high - near), low, high)

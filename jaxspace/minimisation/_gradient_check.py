@@ -9,7 +9,7 @@ and a descent ends at a wrong point or diverges. A search therefore refuses to b
 that is not the slope. Beyond its bounds an objective may be anything: near a bound the direction d
 leads inwards, half of the way to the other bound at most, and the difference is one-sided.
 
-A slope that changes within h, as that of -log(x) at x << h, has no difference that is right: D(h)
+A slope that changes within h, like that of -log(x) at x << h, has no accurate difference: D(h)
 and D(h/2) then differ by a large part of themselves. Such a difference judges nothing, and the
 check is repeated with a hundredth of h, up to four times.
 """
@@ -32,21 +32,23 @@ ALLOWANCE = 3.0
 and of the tolerance of a run is effectively random."""
 PROBES = 4
 FINER, MOST_LEVELS = 1e-2, 4
-"""By which h is reduced where the slope changes within it, and how often."""
+"""Factor by which h is reduced where the slope changes within it, and the number of reductions."""
 VARIES = 0.1
-"""Relative difference of D(h) and D(h/2) from which on they are no slope."""
+"""Relative difference of D(h) and D(h/2) above which they do not approximate a slope."""
 MOST_NAMED = 4
 NEAR = 0.1
 """Relative distance of the probes up to which the slope of a singular function, as log(x), is the
 slope at x: beyond it the slope may be another one, as constant as that of x - log(x) at x >> 1."""
 NOISE = 1e-8
-"""Relative errors of values, as of runs: differences within them are no change of the slope."""
+"""Relative errors of values, as of runs: differences within them are not counted as a change of the
+slope."""
 
 
 class Probes(NamedTuple):
     """Points at which a gradient is checked: x plus `shares` of a `direction`.
 
-    - `inwards`: whether all lie on one side of x, which is beside a bound; the last is x itself."""
+    - `inwards`: whether all are on one side of x, which is close to a bound; the last is x
+      itself."""
 
     direction: Float[Array, " n"]
     shares: Float[Array, "4"]
@@ -112,8 +114,8 @@ def varies(
     x: Float[Array, " n"],
 ) -> Bool[Array, ""]:
     """Whether the slope of some row with a wrong gradient changes so much between the probes that
-    their difference says nothing, or the probes lie so far from a small `x` that it may; the other
-    arguments are those of `probed_error`."""
+    their difference is meaningless, or the probes are so far from a small `x` that it may be; the
+    other arguments are those of `probed_error`."""
     slope, uncertain, h = _slopes(rows, p)
     least = jnp.maximum(NOISE, 1e2 * jnp.finfo(rows.dtype).eps)
     noise = least * jnp.max(jnp.abs(rows), axis=0) / h
@@ -156,8 +158,8 @@ def _slopes(values: Array, p: Probes) -> tuple[Array, Array, Array]:
 
 
 def refuse(error: float, what: str = "the objective", unread: Sequence[str] = ()) -> None:
-    """Raise `InputError` for a gradient of `what` that differs from its slope by this relative
-    `error`.
+    """Raise `InputError` for a gradient of `what` that differs from finite differences by this
+    relative `error`.
 
     - `unread`: the unknowns by which its derivative is exactly zero."""
     if error <= GRADIENT_TOLERANCE:

@@ -44,7 +44,7 @@ def least_violation(
     largest: Float[Array, ""],
     ends: tuple[Float[Array, " n"], Float[Array, " n"]],
 ) -> Bool[Array, ""]:
-    """Whether the first-order condition of a least violation holds.
+    """Whether the first-order condition of a least violation is satisfied.
 
     - `gradient`: r at z, and `weighted`: V, both by weights whose largest is one.
     - `largest`: the largest violation.

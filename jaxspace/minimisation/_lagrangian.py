@@ -8,9 +8,9 @@
     y, nu          multipliers, which become y+ and nu+ at the end of a round
     rho            weight of the constraints
 
-The gradient of L is that of the Lagrangian with y+ and nu+, so that one measure serves during a
-round and at its end. An optimiser gets L times 10/rho: the curvature along the constraints then is
-that of the first round, whatever rho is, and a rate that was stable remains so.
+The gradient of L is that of the Lagrangian with y+ and nu+, so that the same measure applies during
+a round and at its end. An optimiser gets L times 10/rho: the curvature along the constraints then
+is that of the first round, whatever rho is, and a rate that was stable remains so.
 
 Source: Hestenes 1969, Powell 1969, Rockafellar 1973; Nocedal and Wright, 17.3, 17.4.
 """

@@ -1,9 +1,9 @@
 """Convergence judged by the scales at the place of the result.
 
-The weights of a search (`_scaling.py`) come from the derivatives at its start. Beside a
-singularity, or where an exponential is large, those exceed the derivatives near the minimum by any
-factor, and a tolerance in units of them says nothing. A search that has met its tolerance is
-therefore judged once more:
+The weights of a search (`_scaling.py`) come from the derivatives at its start. Near a singularity,
+or where an exponential is large, those exceed the derivatives near the minimum by any factor, and a
+tolerance in units of them is meaningless. A search that has met its tolerance is therefore judged
+once more:
 
     |L_i| s_i <= tolerance F_i,     F_i = max(1e-3 |f|, max |g - L| s, 100 |D_i| s_i / h)
     |c_j|     <= tolerance 100 max |J_j| s

@@ -59,38 +59,39 @@ def minimise(
     - `optimiser`: "sqp" for quadratic programmes, which need the fewest evaluations where there are
       many constraints; or any optimiser of optax, such as `optax.adam(1e-2)` or `optax.lbfgs()`.
       Its rates are in sizes of the unknowns; constraints are met by multipliers (an augmented
-      Lagrangian), and the best point is returned. Most take more steps than `max_steps` allows by
-      default.
-    - `bounds`: a pair of lower and upper bounds, each a tree like `start`, a number or `None`.
+      Lagrangian), and the best point is returned. Most require more steps than the default of
+      `max_steps`. - `bounds`: a pair of lower and upper bounds, each a pytree like `start`, a
+      number or `None`.
     - `tolerance`: for the gradient and for the violation, both scaled.
     - `max_steps`: the largest number of steps.
     - `check_gradient`: whether to compare the gradient at the start with the slope of the
-      objective, by four more evaluations (up to 25 where the slope changes very close to the
-      start, as beside a singularity), and to refuse to begin where they differ; under `jit`
-      the search ends there with the reason `WRONG_GRADIENT`.
-    - `exact_hessian`: whether the quadratic programmes take the curvature by second derivatives in
-      place of BFGS, for problems that are cheap to differentiate twice.
-    - `scale`: sizes of the unknowns, a tree like `start`; by default the range of the bounds, or
-      the larger of the start and 1. Objective and constraints are scaled by their derivatives at
-      the start. Convergence is judged by those at the result, with which the search continues
-      where the start was much steeper.
+      objective, by four more evaluations (up to 25 where the slope changes very close to the start,
+      as near a singularity), and to raise an error if they differ; under `jit` the search ends
+      there with the reason `WRONG_GRADIENT`.
+    - `exact_hessian`: whether the quadratic programmes use exact second derivatives instead of
+      BFGS, for problems that are cheap to differentiate twice. - `scale`: typical sizes of the
+      unknowns, a pytree like `start`; by default the range of the bounds, or the larger of the
+      start and 1. Objective and constraints are scaled by their derivatives at the start.
+      Convergence is judged by those at the result, with which the search continues where the start
+      was much steeper.
     - `progress`: called after each step with its number, objective, scaled violation and
       gradient; not under `jit`. Ctrl-C ends such a search with the best result so far, from its
       first step on.
-    - `store`: the path of a file in which the search keeps its state; not under `jit`.
-    - `resume`: whether it goes on from that file, where there is one, after its process was ended:
-      with the same steps, bit for bit, that it would have taken.
+    - `store`: the path of a file in which the search saves its state; not under `jit`. - `resume`:
+      whether to continue from that file, if it exists, after an interrupted process: with
+      bit-identical steps.
     - `forward_ratio`: number of unknowns for each objective and constraint up to which derivatives
       are taken by forward mode, and beyond it by reverse mode; 0 for reverse mode.
 
-    **Returns** the `Minimum`, which reports in `converged` whether the tolerance was met and in
-    `sentence()` why it ended. It is not differentiable in what `problem` closes over. The problem
-    and its derivatives are compiled once; wrap the call in `jax.jit` where it is repeated.
+    **Returns** the `Minimum`, which reports in `converged` whether the tolerance was reached and in
+    `sentence()` why the search ended. It is not differentiable with respect to closed-over values
+    of `problem`. The problem and its derivatives are compiled once; wrap the call in `jax.jit`
+    where it is repeated.
 
-    **Raises** `InputError` for bounds or a scale that do not fit, unknowns that are not floats, a
-    problem that returns no `Criterion` of arrays, a `Minimum` of another problem or optimiser, what
-    is no optimiser, a gradient that is not the slope, or a store that exists, or is that of another
-    search; `SimulationError` for a run of the problem that fails.
+    **Raises** `InputError` for incompatible bounds or scale, unknowns that are not floats, a
+    problem that does not return a `Criterion` of arrays, a `Minimum` of another problem or
+    optimiser, an invalid optimiser, a gradient that disagrees with finite differences, or a store
+    that exists or belongs to another search; `SimulationError` for a run of the problem that fails.
     """
     kept = as_store(store, resume)
     before = start if isinstance(start, Minimum) else None

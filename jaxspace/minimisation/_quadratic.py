@@ -3,9 +3,9 @@
     minimise z.Q z/2 + q.z   subject to   s = G z + h >= 0
     Q z + q = G^T nu,   s nu = 0,   nu >= 0
 
-Where s and nu vanish together, as at a bound on which the minimum lies without pressing against it,
+Where s and nu vanish together, as at a weakly active bound,
 products s nu of one rounding leave s and nu at its square root. The interior point is therefore
-improved: the constraints with nu > s hold as equations, by multipliers
+improved: the constraints with nu > s are treated as equations, with multipliers
 
     (Q + k G_A^T G_A) dz = -(Q z + q - G_A^T nu) - k G_A^T s_A,     nu_A <- nu_A - k s_A
 
@@ -108,7 +108,7 @@ def _by_active_set(p: Programme, at: _Place) -> tuple[Array, Array]:
 
 
 def _missed(p: Programme, z: Array, nu: Array) -> Float[Array, ""]:
-    """How far unknowns and multipliers are from the conditions of a solution."""
+    """Residuals of the optimality conditions for unknowns and multipliers."""
     apart = jnp.max(jnp.abs(jnp.minimum(p.G @ z + p.h, nu)))
     return jnp.maximum(jnp.max(jnp.abs(p.Q @ z + p.q - p.G.T @ nu)), apart)
 

@@ -13,10 +13,9 @@ from ._sqp_state import Limits, Values
 
 
 class End(NamedTuple):
-    """Where a search ended: scaled unknowns, values, multipliers; the weights of the violation that
-    the search reduced last; whether it diverged; and whether it is at its minimum as far as the
-    rounding of the objective shows it; and whether the scales at
-    its place confirm that it converged (`_local_scale.py`)."""
+    """The end of a search: scaled unknowns, values, multipliers; the weights of the violation that
+    the search reduced last; whether it diverged; whether it is at its minimum to the rounding of
+    the objective; and whether the local scales confirm the convergence (`_local_scale.py`)."""
 
     z: Float[Array, " n"]
     at: Values

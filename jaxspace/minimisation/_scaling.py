@@ -52,7 +52,7 @@ class ScaledProblem(NamedTuple):
         return self.unravel(x + jax.lax.stop_gradient(jnp.clip(x, *self.ends) - x))
 
     def numbers(self, z: Array) -> tuple[Array, Criterion]:
-        """f, c and d in one array, in their own units; and the criterion."""
+        """f, c and d in one array, unscaled; and the criterion."""
         criterion = self.problem(self.point(z))
         parts = (criterion.objective, criterion.equal_zero, criterion.non_negative)
         return jnp.concatenate([jnp.ravel(x) for x in parts if x is not None]), criterion

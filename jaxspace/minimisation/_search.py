@@ -34,7 +34,8 @@ FORWARD_RATIO = 16.0
 
 
 class Method(NamedTuple):
-    """What `drive` needs of a search; `end`: the place of its result, from its last state."""
+    """The interface of a search for `drive`; `end`: the place of its result, from its last
+    state."""
 
     state: Any
     evaluate: Callable[[Any], Any]
@@ -89,8 +90,8 @@ def search(
 
 
 def _derivatives(scaled: ScaledProblem, ratio: float) -> Callable[[Array], PyTree]:
-    """The Jacobian of the stacked numbers in z, and beside it the numbers and the criterion: by
-    forward mode for up to `ratio` unknowns for each number."""
+    """The Jacobian of the stacked numbers in z, together with the numbers and the criterion: in
+    forward mode for up to `ratio` unknowns per number."""
 
     def numbers(z: Array) -> tuple[Array, tuple[Array, Criterion]]:
         stacked, criterion = scaled.numbers(z)

@@ -13,7 +13,7 @@
 The programme of a step always has a solution, so that infeasible targets end at the point with the
 least violation. A step that raises the violation is corrected once with the constraints at its end
 (second-order correction). Unknowns, objective and constraints are scaled (`_scaling.py`). The loop
-is that of `_drive.py`: the state holds the step that waits for its evaluation. Files:
+is that of `_drive.py`: the state contains the step pending evaluation. Files:
 `_sqp_state.py`, `_sqp_measures.py`, `_local_scale.py` (whether a search has converged).
 
 Source: Fletcher, Practical Methods of Optimization, 12.4 (S l1 QP), 14.4; Powell 1978 (damping).
@@ -198,7 +198,7 @@ def _planned(s: SqpState, limits: Limits) -> SqpState:
 
 
 class Comparison(NamedTuple):
-    """The end of a pending step beside what its programme promised.
+    """The end of a pending step compared with the prediction of its programme.
 
     - `at`: values and derivatives at the end; `c`, `d`: constraints of the model there.
     - `ratio`: the decrease of phi over that of the model; -1 where there is no finite step.
@@ -215,7 +215,7 @@ class Comparison(NamedTuple):
 
 
 def _compared(s: SqpState, evaluation: Evaluation) -> Comparison:
-    """Decrease of the penalty function along the pending step, beside that of the model."""
+    """Decrease of the penalty function along the pending step, compared with that of the model."""
     p = s.pending.p
     trial = scaled(evaluation, s.weight, s.y.size)
     # The model of a corrected step has the corrected constraints.

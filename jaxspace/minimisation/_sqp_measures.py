@@ -106,8 +106,8 @@ def at_least_violation(
 def _of_the_sum(at: Values, free: Bool[Array, " n"]) -> tuple[Array, Array]:
     """Weights with which the sum of the violations has the least slope in the `free` unknowns.
 
-    The weight of a violated constraint is its sign. Where a constraint is met, the sum has a kink,
-    and the weight may lie between -1 (an inequality: 0) and 1."""
+    The weight of a violated constraint is its sign. Where a constraint is satisfied exactly, the
+    sum has a kink, and the weight may be between -1 (for an inequality: 0) and 1."""
     met = ROUNDINGS * jnp.finfo(at.c.dtype).eps
     violated = jnp.concatenate([jnp.abs(at.c), -at.d]) > met
     signs = jnp.where(violated, jnp.concatenate([jnp.sign(at.c), jnp.ones_like(at.d)]), 0.0)

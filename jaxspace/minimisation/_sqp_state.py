@@ -97,7 +97,7 @@ class SqpState(NamedTuple):
     refused: Any
 
     def resumed(self, rows: Array) -> "SqpState":
-        """The state from which the search goes on, with space for further `rows`."""
+        """The state from which the search continues, with space for further `rows`."""
         # What was pending when it ended is evaluated first.
         return self._replace(rows=rows, taken=jnp.asarray(0))
 
@@ -140,9 +140,8 @@ def begin(
 
     **Arguments**
 
-    - `x`: scaled unknowns at the start; `size`: the sizes by which they are scaled.
-    - `me`, `mi`: how many equalities and inequalities there are.
-    - `report`: a tree of the shapes of what the problem reports.
+    - `x`: scaled unknowns at the start; `size`: their scales. - `me`, `mi`: numbers of equalities
+      and inequalities. - `report`: a tree of the shapes of the report of the problem.
     - `check`: whether the gradient is compared with differences first."""
     n = x.size
     rows = 1 + me + mi

@@ -94,7 +94,7 @@ class BatchState(NamedTuple):
     """State of the search between two batches.
 
     - `z`, `mean`: scaled unknowns, and their average.
-    - `optimiser`: what optax holds; `multipliers`; `weight`: scales of (f, c, d).
+    - `optimiser`: the state of optax; `multipliers`; `weight`: scales of (f, c, d).
     - `round_sum`: sums of c and d in this round.
     - `step`: number of the next batch; `left_out`, `bad`: batches without finite numbers, in all
       and in sequence.
@@ -114,8 +114,8 @@ class BatchState(NamedTuple):
 
 
 class StoredSearch(NamedTuple):
-    """What a store holds of a search: its `state`, and the `rows` of its history, NaN for batches
-    to come."""
+    """The stored data of a search: its `state`, and the `rows` of its history, NaN for future
+    batches."""
 
     state: BatchState
     rows: Float[np.ndarray, "max_steps 3"]
@@ -144,8 +144,7 @@ def descend_by_batches(
     - `optimiser`: of optax, without a line search.
     - `max_steps`: the largest number of batches; `patience`: of how many the mean is compared.
     - `average`: the factor a, from 0 for the last iterate to below 1.
-    - `seed`: of the keys.
-    - `store`: keeps the state after each batch.
+    - `seed`: of the keys. - `store`: saves the state after each batch.
 
     **Returns** the `BatchMinimum`; Ctrl-C ends the search with that of the last step.
 
@@ -307,7 +306,7 @@ def _driven(
 
 
 def _reason(state: BatchState, rows: np.ndarray, patience: int) -> StopReason | None:
-    """Why a search ends here; `None` where it goes on."""
+    """Why a search ends here; `None` if it continues."""
     taken = int(state.step)
     if int(state.bad) >= MOST_LEFT_OUT:
         return StopReason.NOT_FINITE

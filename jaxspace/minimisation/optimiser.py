@@ -1,4 +1,4 @@
-"""What `minimise` searches by: quadratic programmes, or an optimiser of optax.
+"""The optimiser of `minimise`: sequential quadratic programming, or an optimiser of optax.
 
 optax is imported where one of its optimisers is used, and not with the package.
 """
@@ -31,11 +31,11 @@ OF_THE_FUNCTION = {"diff_params_memory", "value"}
 class Stepper(NamedTuple):
     """An optimiser of optax, as a search uses it.
 
-    - `optimiser`: with extra arguments; `unravel`: a flat array as a tree like the unknowns, which
-      is what optax sees, so that it can treat its parts differently.
-    - `restarts`: whether it holds values or curvature of one function, which are wrong for the next
-      Lagrangian; moments and counts of steps go on.
-    - `plateau`: whether it compares with a least value, which is that of one Lagrangian too.
+    - `optimiser`: with extra arguments; `unravel`: converts a flat array to a pytree like the
+      unknowns, which is passed to optax, so that it can treat its parts differently. - `restarts`:
+      whether its state contains values or curvature of one function, which are invalid for the next
+      Lagrangian; moments and step counts continue. - `plateau`: whether it compares with a least
+      value, which also belongs to one Lagrangian.
     - `averages`: whether its optimum is at other parameters than those of the gradients."""
 
     optimiser: Any
@@ -117,7 +117,7 @@ def as_stepper(
 
 
 def check_optimiser(optimiser: object, exact_hessian: bool) -> None:
-    """Raise `InputError` for what is no optimiser, or takes no second derivatives."""
+    """Raise `InputError` for an invalid optimiser, or one that does not use second derivatives."""
     if isinstance(optimiser, str):
         if optimiser != SQP:
             raise InputError(

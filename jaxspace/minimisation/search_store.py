@@ -1,8 +1,8 @@
-"""A file in which a search keeps its state, so that nothing is lost when its process ends.
+"""A file in which a search saves its state, so that nothing is lost when its process ends.
 
-The file is written beside its place and then renamed: at any moment there is a whole one. A search
-that is resumed from it takes the same steps as one that was never interrupted, bit for bit, on the
-same kind of processor and with the same versions.
+The file is written under a temporary name and then renamed: it is complete at any moment. A search
+resumed from it performs the same steps as one that was never interrupted, bit for bit, on the same
+kind of processor and with the same versions.
 """
 
 import hashlib
@@ -34,8 +34,8 @@ class SearchStore:
     **Arguments**
 
     - `path`: of the file.
-    - `resume`: whether a search goes on from an existing file.
-    - `task`: what is searched, in words: a file of another task is refused.
+    - `resume`: whether a search continues from an existing file. - `task`: description of the
+      search: a file of another task is rejected.
 
     **Raises** `InputError` for a file that exists where `resume` is false."""
 
@@ -50,8 +50,7 @@ class SearchStore:
             )
 
     def begin(self, state: S, setting: PyTree) -> S:
-        """The state with which the search goes on: that of the file, or `state` where there is
-        none.
+        """The state with which the search continues: that of the file, or `state` if there is none.
 
         **Arguments**
 
@@ -78,8 +77,8 @@ class SearchStore:
         return jax.tree.unflatten(jax.tree.structure(state), [jnp.asarray(x) for x in leaves])
 
     def save(self, state: PyTree, last: bool = False) -> None:
-        """Write the state, unless the last time is so short ago that writing would take more than a
-        twentieth of the time.
+        """Write the state, unless writing would take more than a twentieth of the time since the
+        last write.
 
         **Arguments**
 
@@ -112,7 +111,7 @@ class SearchStore:
             beside.unlink(missing_ok=True)
 
     def _identity(self, state: PyTree) -> dict[str, object]:
-        """What a file must have for its state to be that of this search."""
+        """The properties that identify the file of this search."""
         leaves, structure = jax.tree.flatten(state)
         kinds = [(list(np.shape(x)), jnp.result_type(x).name) for x in leaves]
         form = hashlib.sha256(f"{structure}{kinds}".encode()).hexdigest()

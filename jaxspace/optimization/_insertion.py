@@ -103,7 +103,7 @@ class InsertionOptimum(eqx.Module):
     - `radius_price`: derivative of the best T, s/m, or of the best v, 1/s, by the radius R, from
       the multiplier.
     - `error`: the relative error as the steps estimate it.
-    - `converged`; `minimum`: of the search, whose `sentence()` says why it ended."""
+    - `converged`; `minimum`: of the search, whose `sentence()` explains why it ended."""
 
     law: Law
     duration: Float[Array, ""]

@@ -6,7 +6,7 @@
 
 The vertical parts bring the rocket to the height Y with no vertical velocity there; the rest of V
 goes into the horizontal velocity U, and both impulses have the same slope. For a given T the
-propellant is split. If T is free, the least c lies at a corner of |W_1| + |W_2|, where one impulse
+propellant is split. If T is free, the least c is at a corner of |W_1| + |W_2|, where one impulse
 vanishes.
 
     D > 0    at the start:  T = sqrt(2 D/g),                  c = |sqrt(2 g D) - w_0|
@@ -28,7 +28,7 @@ reaches:
     T, g      time of flight; gravity, constant                      s, m/s^2
 
 Source: Thomson 8.4; the sign test of the book needs C_2 Phi instead of Phi, and its third case, the
-split, arises for a given T alone. Flat earth, no air.
+split, arises for a given T only. Flat earth, no air.
 """
 
 import math
@@ -85,7 +85,7 @@ class PropellantUse(HashedModule):
     nearest_climb: Float[Array, "*#runs"]
 
     def sentence(self) -> str:
-        """The advice in words, for one concrete run.
+        """The advice as text, for one concrete run.
 
         Raises `InputError` for several runs."""
         if not is_concrete(self.first) or jnp.ndim(self.first) > 0:

@@ -61,7 +61,7 @@ def least_rendezvous(
     - `chaser`, `target`, `mu`, `revolutions`, `low`: as in `orbits.interception`, of one run.
     - `start`: departure and arrival, s, at which the search begins.
     - `earliest`, `latest`: bounds of the departure and of the arrival, s.
-    - `intercept_only`: whether to count the impulse at the departure alone.
+    - `intercept_only`: whether to count only the impulse at the departure.
     - `tolerance`: of the gradient, with the speed and the period of the chaser as units.
 
     **Returns** a `Rendezvous`.

@@ -182,7 +182,7 @@ def burnout_state(
 
 
 def apex(ascent: Ascent, burnout: FlightState) -> tuple[Scalar, Scalar]:
-    """Time, s, and height, m, of the apex of the coast; with w_b < 0 it would lie before burnout,
+    """Time, s, and height, m, of the apex of the coast; with w_b < 0 it would be before burnout,
     and is not reached.
 
     **Arguments**

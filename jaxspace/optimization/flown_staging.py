@@ -135,9 +135,9 @@ def staging_with_losses(
     - `steps`: of the integration of each burn; `tolerance`: of the search.
     - `optimiser`: as in `minimise`.
 
-    **Returns** a `FlownStaging`, which is not differentiable. Where the stages cannot reach the
-    speed, as with a thrust of an upper stage that is far below its weight, it is the flight of the
-    greatest speed, and `sentence()` says so.
+    **Returns** a `FlownStaging`, which is not differentiable. If the stages cannot reach the speed,
+    for example because the thrust of an upper stage is far below its weight, it is the flight of
+    the greatest speed, and `sentence()` reports this.
 
     **Raises** `InputError` for values out of range, and for a height where nothing is free to meet
     it: a vertical flight of one stage."""

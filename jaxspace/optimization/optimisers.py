@@ -4,8 +4,8 @@
     "lbfgs"    L-BFGS with a line search by strong Wolfe conditions; takes no rate
     "adam", "adamw", "nadam", "rmsprop", "sgd"     steps of a rate that falls by a cosine
 
-`minimise` takes any other optimiser of optax as it is. A rate is in sizes of the unknowns: 0.01 is
-a hundredth of a size for each step of Adam. It falls to a thousandth of itself over the steps of
+`minimise` accepts any other optimiser of optax directly. A rate is in sizes of the unknowns: 0.01
+is a hundredth of a size for each step of Adam. It falls to a thousandth of itself over the steps of
 the search, without which the last steps are as long as the first ones.
 """
 
@@ -34,7 +34,7 @@ def lbfgs() -> Optimiser:
 
 @functools.cache
 def named_optimiser(name: str, rate: float | None = None, max_steps: int = 200) -> Optimiser:
-    """The optimiser of a name, for a search of `max_steps`.
+    """The optimiser with a name, for a search of `max_steps`.
 
     **Arguments**
 
@@ -42,8 +42,8 @@ def named_optimiser(name: str, rate: float | None = None, max_steps: int = 200) 
     - `rate`: the first length of steps, in sizes of the unknowns; `None` for that of the name.
     - `max_steps`: over which the rate falls.
 
-    **Raises** `InputError` for another name, or a rate that is not positive or that the optimiser
-    does not take.
+    **Raises** `InputError` for another name, or a rate that is not positive or not supported by the
+    optimiser.
     """
     if name not in NAMES:
         raise InputError(

@@ -1,4 +1,4 @@
-"""The best division of a velocity between the stages of a rocket, for the least initial mass.
+"""The optimal division of a velocity between the stages of a rocket, for the least initial mass.
 
     ln(m01/P) = sum_i ln[mu_i (1 - b_i) / (1 - b_i mu_i)]                 to be least
     v_m       = sum_i u_i ln mu_i,    mu_i >= 1                           at a given velocity
@@ -62,7 +62,7 @@ def stationary_mass_ratio(
     - `exhaust_velocity`: u, in any unit.
     - `structural_factor`: b.
 
-    **Returns** mu. Below 1 it has no meaning: the optimum is then at the bound mu = 1.
+    **Returns** mu. Below 1 it is invalid: the optimum is then at the bound mu = 1.
     """
     product = multiplier * exhaust_velocity
     return (1.0 + product) / (product * structural_factor)
@@ -109,16 +109,16 @@ def equal_stages_payload(
 @final
 @printed()
 class Staging(eqx.Module):
-    """The best staging: (stages, *runs) for what belongs to one stage, else (*runs,).
+    """The optimal staging: (stages, *runs) for stage quantities, else (*runs,).
 
     - `mass_ratio` mu_i and `used`: False for a stage that the optimum leaves out, whose mass ratio
       is then exactly 1.
     - `initial_mass` m01/P, and its inverse `payload_ratio` P/m01.
     - `multiplier` lambda, negative, 1/(unit of u): one more unit of velocity multiplies m01 by
       exp(-lambda).
-    - `feasible`: False where a traced demand exceeds what the stages can give. The other fields are
-      then the limits at vanishing payload: mass ratios 1/b_i, `payload_ratio` 0, `initial_mass` and
-      -`multiplier` infinite, derivatives zero."""
+    - `feasible`: False where a traced demand exceeds the capability of the stages. The other fields
+      are then the limits at vanishing payload: mass ratios 1/b_i, `payload_ratio` 0, `initial_mass`
+      and -`multiplier` infinite, derivatives zero."""
 
     mass_ratio: Stages
     initial_mass: Scalar

@@ -1,4 +1,4 @@
-"""Bins of a histogram, also for values that differ by rounding alone."""
+"""Bins of a histogram, also for values that differ by rounding only."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ MOST_BINS = 60
 def bins(x: np.ndarray) -> tuple[float, np.ndarray, float]:
     """Bins of a histogram: their starts, counts and width.
 
-    One bin where the values differ by rounding alone, which cannot be divided."""
+    One bin where the values differ by rounding only, which cannot be divided."""
     x = x.astype(float)
     low, high = float(x.min()), float(x.max())
     # Narrower bins than this have edges that are the same number.

@@ -33,8 +33,8 @@ def designs_figure(
     - `limits`: lines across the histograms, in the unit of the first design.
     - `title`: of the figure.
 
-    **Raises** `InputError` for an unknown output, and for one whose unit in some design has no
-    known factor to that in the first; `ImportError` where matplotlib is not installed.
+    **Raises** `InputError` for an unknown output, and for one with incompatible units in the
+    designs; `ImportError` where matplotlib is not installed.
     """
     with extra("app"):
         from matplotlib.figure import Figure as NewFigure
@@ -65,7 +65,7 @@ def designs_figure(
 
 
 def _factor(name: str, output: str, given: str, shown: str) -> float:
-    """How many of the unit `shown` one of the unit `given` is, for an output of a design."""
+    """The number of units `shown` in one unit `given`, for an output of a design."""
     factor = factor_between(given, shown)
     if factor is None:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Designs beside one another as one page for any browser, without scripts and without network."""
+"""Comparison of designs as a self-contained HTML page without scripts."""
 
 import io
 import os
@@ -29,10 +29,9 @@ def designs_page(
     **Arguments**
 
     - `path`: of the HTML file.
-    - `title`, `note`: what the page is about, and over which runs.
-    - `rows`: of the table, of which the first has the names of the designs.
-    - `sentences`: what there is to say about them.
-    - `figures`: by the words above each.
+    - `title`, `note`: subject of the page, and its runs. - `rows`: of the table, of which the first
+      has the names of the designs. - `sentences`: findings about them. - `figures`: by their
+      headings.
 
     **Returns** the path.
     """
@@ -66,7 +65,7 @@ def _table(rows: Sequence[Sequence[str]]) -> str:
 
 
 def _svg(figure: "Figure") -> str:
-    """The picture as part of a page: without the head of a file of its own."""
+    """The picture as part of a page: without the header of a separate file."""
     text = io.StringIO()
     # Without a date, so that the same runs give the same page.
     figure.savefig(text, format="svg", metadata={"Date": None})

@@ -43,12 +43,12 @@ def dispersion_figure(
     - `dispersion`: the result of a campaign.
     - `outputs`: which outputs are shown; the first six by default.
     - `scatter`: two quantities, outputs or inputs, for the scatter plot at the top; by default
-      perigee over apogee where there are such, else the first two outputs.
+      perigee over apogee if available, else the first two outputs.
     - `count`: of contributors for each output.
     - `title`: of the figure; by default the number of runs.
     - `nominal`: the outputs of the nominal run, in the units of the dispersion.
 
-    **Raises** `InputError` for a name that is no output.
+    **Raises** `InputError` for a name that is not an output.
     """
     with extra("app"):
         from matplotlib.figure import Figure
@@ -163,8 +163,8 @@ def _histogram(
     row: "Row | None",
     nominal: float,
 ) -> None:
-    """The histogram of a quantity, with its mean, its limits, its nominal value and what is
-    required of it."""
+    """The histogram of a quantity, with its mean, its limits, its nominal value and its
+    requirement."""
     good = values[shown(dispersion, name)]
     if good.size and row is not None:
         start, counts, width = bins(good)
@@ -190,8 +190,8 @@ def _histogram(
 
 
 def _requirements(axes: "Axes", limits: Sequence[float | None]) -> None:
-    """Lines at the limits of an output; one that lies far from the runs is marked at the edge,
-    because in its place it would squeeze them to a line."""
+    """Lines at the limits of an output; one that is far from the runs is marked at the edge,
+    because at its position it would compress them to a line."""
     low, high = axes.get_xlim()
     room = 0.6 * (high - low)
     for limit in limits:
@@ -253,8 +253,8 @@ def _subtitle(axes: "Axes", text: str) -> None:
 
 
 def summary(row: "Row") -> str:
-    """Mean, deviation and limits of an output, with the digits that its deviation justifies; and
-    how many runs lie where no bin is."""
+    """Mean, standard deviation and limits of an output, with the digits that its standard deviation
+    justifies; and the number of runs outside the bins."""
     numbers = (row.shown(x) for x in (row.mean, row.std, row.low, row.high))
     words = "mean {}, deviation {}; 99 % within {} … {}".format(*numbers)
     return words + (f"; beyond the bins: {row.missing()}" if row.missing() else "")
@@ -267,7 +267,7 @@ def explained(contributors: "Contributors") -> str:
 
 
 def contributors_or_none(dispersion: "Dispersion", name: str, count: int) -> "Contributors | None":
-    """The contributors, or `None` where nothing scatters or there are too few runs."""
+    """The contributors, or `None` without dispersion or with too few runs."""
     # An unknown name is an error of the caller; too few runs are not.
     dispersion.values(name)
     try:

@@ -42,9 +42,9 @@ def dispersion_page(
 ) -> Path:
     """Write a page of a campaign: its card, tables and interactive plots, light or dark.
 
-    It holds the outputs beside their nominal values and limits, a scatter plot of any two
+    It contains the outputs with their nominal values and limits, a scatter plot of any two
     quantities with the ellipse of 99 %, histograms, a scatter matrix, the largest contributors to
-    each output, convergence, failures, the time budget, and trajectories; where the runs land, too,
+    each output, convergence, failures, the time budget, and trajectories; also the landing points
     if `east` and `north` are outputs. Of a million runs the plots show bins and 2000 points: the
     file stays below 5 MB.
 
@@ -56,8 +56,8 @@ def dispersion_page(
     - `title`: of the page.
     - `nominal`: the outputs of the nominal run, in the units of the dispersion.
     - `paths`: some runs in full (`jaxspace.dispersion.run_paths`).
-    - `wind`: components to the east and to the north, m/s, for a rose beside the landings, as
-      `LaunchSite.winds` gives them.
+    - `wind`: components to the east and to the north, m/s, for a wind rose next to the landings, in
+      the form of `LaunchSite.winds`.
 
     **Returns** the path.
     """
@@ -259,7 +259,7 @@ def _plots(dispersion: "Dispersion", data: Record) -> list[str]:
 
 
 def _landings(dispersion: "Dispersion", data: Record) -> list[str]:
-    """The section of the footprint, with the rose of the wind beside it."""
+    """The section of the footprint, with the wind rose next to it."""
     result = dispersion.footprint()
     if result is None:
         return []

@@ -1,4 +1,4 @@
-"""The numbers of a dispersion that its page draws: binned and thinned, so that the page of a
+"""The data of a dispersion for its page: binned and thinned, so that the page of a
 million runs is no larger than that of a thousand."""
 
 import itertools
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from ..statistics.table import Row
 
 MOST_POINTS = 2000
-"""Runs of the scatter plots: more hide one another."""
+"""Maximum number of runs in the scatter plots: more would overlap."""
 HELD = 0.99
-"""The share of the runs that an ellipse holds."""
+"""The share of the runs within an ellipse."""
 MOST_OUTPUTS = 5
 """Outputs of the scatter matrix."""
 
@@ -69,7 +69,7 @@ def page_data(
 
 
 def _footprint(dispersion: "Dispersion") -> Record | None:
-    """The ellipses of the landings and what stands about them; the points are among the others."""
+    """The ellipses of the landings and their annotations; the points are among the others."""
     result = dispersion.footprint()
     if result is None:
         return None
@@ -110,9 +110,11 @@ def time_budget(dispersion: "Dispersion") -> dict[str, float]:
 
 
 def processor_words(dispersion: "Dispersion") -> str:
-    """Utilisation of the cores while the runs were computed, in a sentence; empty if it is unknown.
+    """A message about the utilisation of the cores while the runs were computed; empty if it is
+    unknown.
 
-    Processor time is of all cores together: it stands beside the wall time, and is no part of it.
+    Processor time is the sum over all cores: it is listed next to the wall time, and not part of
+    it.
     """
     share = 100.0 * dispersion.utilisation
     if np.isnan(share):
@@ -125,7 +127,7 @@ def processor_words(dispersion: "Dispersion") -> str:
 
 
 def _listed(values: np.ndarray, deviation: float) -> list[float | None]:
-    """The values with three digits beyond the first one of their deviation."""
+    """The values with three digits beyond the first one of their standard deviation."""
     deviation = deviation if np.isfinite(deviation) else 0.0
     decimals = 3 - int(np.floor(np.log10(deviation))) if deviation > 0.0 else 15
     # With more decimals NumPy's factor 10^decimals is infinite.
@@ -140,8 +142,8 @@ def _ellipses(dispersion: "Dispersion", names: list[str], good: np.ndarray) -> R
         x = m_x + a_x cos(t),   y = m_y + a_y cos(t - p_xy)
         a = k s,   cos(p_xy) = r_xy,   k^2 = 2 ln(1 / (1 - P))
 
-    with mean m, deviation s and correlation r of the runs; `centre`, `half` (widths a) and `phase`
-    (p, a row for each x) are in the order of the names, `None` where nothing scatters."""
+    with mean m, standard deviation s and correlation r of the runs; `centre`, `half` (widths a) and
+    `phase` (p, a row for each x) are in the order of the names, `None` without dispersion."""
     # The ellipse of two runs is a line.
     if good.size < 3:
         return None
@@ -172,8 +174,8 @@ def _ellipses(dispersion: "Dispersion", names: list[str], good: np.ndarray) -> R
 
 
 def _one_sided(values: np.ndarray) -> bool:
-    """Whether the runs lie to one side of their mean, by the skewness of those that are there:
-    1 of the size of a normal number, 2 of an exponential law."""
+    """Skewness of the available runs: 1 for the absolute value of a normal variable, 2 for an
+    exponential law."""
     finite = values[~np.isnan(values)]
     deviation = np.std(finite) if finite.size else 0.0
     if not deviation > 0.0:
@@ -184,8 +186,8 @@ def _one_sided(values: np.ndarray) -> bool:
 
 
 def _phase(x: np.ndarray) -> np.ndarray:
-    """The angles whose cosines are the correlations, (d, d), of x, (d, runs); NaN where nothing
-    scatters."""
+    """The angles whose cosines are the correlations, (d, d), of x, (d, runs); NaN without
+    dispersion."""
     if len(x) == 0 or x.shape[1] < 3:
         return np.full((len(x), len(x)), np.nan)
     c = np.atleast_2d(np.cov(x))
@@ -201,7 +203,7 @@ def _histogram(
     nominal: float | None,
     required: Sequence[float | None],
 ) -> Record | None:
-    """Bins over the good runs, with the lines that stand in them."""
+    """Bins over the successful runs, with their lines."""
     if row.runs == 0:
         return None
     start, counts, width = bins(dispersion.values(row.name)[shown(dispersion, row.name)])
@@ -219,7 +221,7 @@ def _histogram(
 
 
 def _finite(value: float) -> float | None:
-    """A number for JSON, which has finite ones alone."""
+    """A number for JSON, which supports finite ones only."""
     return float(value) if np.isfinite(value) else None
 
 

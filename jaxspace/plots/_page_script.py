@@ -1,4 +1,4 @@
-"""The script of a page: what it draws as `data`, and the files beside this one that draw it."""
+"""The script of a page: its `data`, and the script files that draw them."""
 
 import json
 from pathlib import Path

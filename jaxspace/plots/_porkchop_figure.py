@@ -1,4 +1,4 @@
-"""The porkchop plot: what a transfer takes, over its departure and its arrival."""
+"""The porkchop plot: the delta-v of a transfer over its departure and its arrival."""
 
 from typing import TYPE_CHECKING
 

@@ -1,10 +1,10 @@
 """Times between which straight lines show a run: evaluated where the saved ones are too few, and
 thinned out where they are too many.
 
-A line over an interval is compared with the run at a place within, which is no simple fraction of
-it, so that no motion of an even period agrees with the line everywhere. Where the difference is
-more than a share of what the component spans, the interval is divided there, and its neighbours
-are compared again.
+A line over an interval is compared with the run at an interior point that is not a simple fraction
+of it, so that periodic motion does not agree with the line by coincidence. Where the difference
+exceeds a share of the range of the component, the interval is divided there, and its neighbours are
+compared again.
 """
 
 import math
@@ -30,11 +30,11 @@ Shown: TypeAlias = Callable[[Any, Any, Any], dict[str, PyTree]]
 
 PLACE = 0.5 * (3.0 - math.sqrt(5.0))
 LINE = 1e-3
-"""Of what a component spans: the largest error of a line."""
+"""The largest error of a line, relative to the range of a component."""
 VISIBLE = 5e-3
-"""The same of lines between saved times, which are kept while they are right to this."""
+"""The same for lines between saved times, which are used while their error is below this."""
 NEAR = 1e-2
-"""Of the value itself: the error of a number that is read, such as an altitude."""
+"""The error of a displayed number, such as an altitude, relative to its value."""
 READ = ("altitude", "distance", "speed")
 TURNING, TURN_ERROR = "turning", 3e-3
 """An attitude between whose quaternions the page turns evenly, and its error there."""
@@ -126,7 +126,7 @@ def refined(phase: "Trajectory", runs: int, coarse: frozenset[str], shown: Shown
 def thinned(
     times: np.ndarray, rows: Rows, error: float, most: int, turned: np.ndarray, turn: float
 ) -> np.ndarray | None:
-    """Numbers of the times that lines need to be right to `error`; `None` for more than `most`.
+    """Indices of the times required by lines with an error of `error`; `None` for more than `most`.
 
     From each time to the farthest one up to which every time between is near the line, and which is
     no more than one `turn` later, by the angle `turned` at each time, rad."""
@@ -258,14 +258,14 @@ _of_saved = quick_jit(lambda phase, shown: phase.along(shown))
 
 
 def _along(phase: "Trajectory", shown: Shown) -> dict[str, PyTree]:
-    """What is shown at the saved times."""
+    """The displayed values at the saved times."""
     if shown is not leaf_rows:
         return _of_saved(phase, shown)
     return leaf_rows(None, None, phase.states)
 
 
 def _noise(phase: "Trajectory") -> float:
-    """The errors of a run that are no motion, relative to a component."""
+    """The errors of a run that are not motion, relative to a component."""
     return NOISE * float(np.max(np.asarray(phase.config.rtol)))
 
 

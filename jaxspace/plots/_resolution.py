@@ -9,13 +9,13 @@
     h         time between two saved times                  s
     q'        derivative of the quaternion                  1/s
 
-Of a sine that is sampled four times a turn the two sides differ by a tenth of what it spans, and by
-all of it where it is sampled twice. So it is resolved below a quarter, and an attitude up to a
-quarter of a turn. Fewer than four times show no curvature: such a run is never taken as resolved.
+For a sine sampled four times per period the two sides differ by a tenth of its range, and by all of
+it if it is sampled twice. So it is resolved below a quarter, and an attitude up to a quarter of a
+turn. Fewer than four times show no curvature: such a run is never taken as resolved.
 
 A run that is not resolved is evaluated again (`Trajectory.with_steps`), at the ends of its steps
-and between them, and each interval is divided until a line between its ends is right to a
-thousandth of what the component spans (`_refinement`). Only a closed loop cannot be repeated.
+and between them, and each interval is divided until the error of a line between its ends is below a
+thousandth of the range of the component (`_refinement`). Only a closed loop cannot be repeated.
 
 The derivative of a rigid body's velocity needs its vector field, whose program takes longer than a
 figure. It is not needed where the position changes by the integral of the velocity as it was saved:
@@ -51,7 +51,7 @@ def resolved(phase: "Trajectory", runs: int = 1, shown: Shown = leaf_rows) -> Dr
     """The times and states of a phase: those saved where lines between them are right, otherwise
     finer ones, of the first `runs` of a batch.
 
-    - `shown`: what is drawn along lines, of the system, the time and the state."""
+    - `shown`: the values drawn along lines, a function of the system, the time and the state."""
     if not hasattr(phase, "with_steps") or np.all(phase.ts[0] == phase.ts[-1]):
         return Drawn(phase.ts, phase.states, frozenset())
     names = frozenset(name for name, _, leaf in state_leaves(phase.states) if leaf is not None)
@@ -70,7 +70,7 @@ def _derivatives(phase: "Trajectory") -> "State":
 
 @quick_jit
 def _of_motion(states: "State") -> dict[str, PyTree]:
-    """The derivatives that a state itself holds: of a position, and of an attitude."""
+    """The derivatives contained in a state: of a position, and of an attitude."""
     result = {}
     if getattr(states, "velocity", None) is not None:
         result["position"] = states.velocity
@@ -113,8 +113,8 @@ def _coarse(phase: "Trajectory", kinks: int) -> frozenset[str]:
 
 
 def _follows_its_rates(phase: "Trajectory", kinks: int) -> bool:
-    """Whether the times resolve the state of a rigid body, or of a point, as far as the state alone
-    shows it; false where it does not."""
+    """Whether the times resolve the state of a rigid body, or of a point, as far as the state
+    itself shows it; false where it does not."""
     leaves = {name: leaf for name, _, leaf in state_leaves(phase.states) if leaf is not None}
     mass = leaves.pop("mass", None)
     burnt = np.zeros(0) if mass is None else np.diff(np.asarray(mass), axis=-1 - phase.run_axes)
@@ -155,8 +155,8 @@ def _turns(q: np.ndarray) -> np.ndarray:
 
 
 def _is_integral(change: np.ndarray, f: np.ndarray, h: np.ndarray, kinks: int) -> bool:
-    """Whether the `change` between two times is the integral of `f` along straight lines, but for
-    a quarter of what each component of `f` spans.
+    """Whether the `change` between two times is the integral of `f` along straight lines, up to a
+    quarter of the range of each component of `f`.
 
     `change`: (components, times - 1, runs); `f`: (components, times, runs); `h`: s, (times - 1,
     runs or 1)."""
@@ -176,7 +176,7 @@ def _largest_turn(rate: np.ndarray, h: np.ndarray) -> float:
 
 
 def _part_resolved(y: np.ndarray, f: np.ndarray, ts: np.ndarray, kinks: int) -> bool:
-    """Whether the times resolve any other part of a state, by what each component spans.
+    """Whether the times resolve any other part of a state, relative to the range of each component.
 
     `y`, `f`: (components, times, runs); `ts`: (times, runs or 1)."""
     span = np.fmax.reduce(y, axis=1) - np.fmin.reduce(y, axis=1)

@@ -1,4 +1,4 @@
-"""Figures of what accuracy costs, and of what each effect changes."""
+"""Figures of the cost of accuracy, and of the influence of each effect."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -156,7 +156,7 @@ def accuracy_cost_figure(cost: CostTable, *, title: str = "") -> "Figure":
 
 
 def _ticks(axis: "Axis") -> None:
-    """Plain numbers at 1, 2 and 5 of every decade, or at 1 alone where there are many decades."""
+    """Plain numbers at 1, 2 and 5 of every decade, or only at 1 where there are many decades."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     low, high = axis.get_view_interval()

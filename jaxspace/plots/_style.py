@@ -34,8 +34,7 @@ def dress(axes: "Axes", title: str = "", across: str = "", up: str = "") -> None
 
 
 def headline(figure: "Figure", title: str) -> None:
-    """Give a figure its title, at the left; a long one goes on in the next line, so that nothing of
-    it is cut.
+    """Give a figure its title, at the left; a long one is wrapped, so that it is not cut off.
 
     **Arguments**
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 EULER_LABELS = ("ψ precession", "θ nutation", "φ spin")
 MOST_RUNS = 20
-"""Lines of one component that a reader can still tell apart."""
+"""Maximum number of distinguishable lines of one component."""
 FAR = 1e5
 """m: longer lengths would have an axis in powers of ten."""
 Scale: TypeAlias = Callable[[str, str], tuple[str, float]]
@@ -65,8 +65,8 @@ def trajectory_figure(
     attitude is shown as Euler's angles 3-1-3, and the event that ended a run as a line. Where the
     motion between two saved times is more than a line would show, the run is drawn at more times:
     by its closed form, by its steps (`dense=True`), or, without these, by repeating it. A closed
-    loop cannot be repeated: it is drawn as points, and its panel says so. So is a motion that takes
-    more than 20,000 points.
+    loop cannot be repeated: it is drawn as points, with a note in its panel. The same applies to a
+    motion that requires more than 20,000 points.
 
     **Arguments**
 
@@ -139,8 +139,8 @@ def _shown_units(
 def _scaled(
     blocks: dict[str, Block], shown: dict[tuple[str, str], tuple[str, float]]
 ) -> dict[tuple[str, str], Block]:
-    """The blocks in the units in which they are shown, by name and unit: blocks of one name and
-    different units have panels of their own."""
+    """The blocks in their displayed units, by name and unit: blocks with the same name and
+    different units have separate panels."""
     result = {}
     for name, block in blocks.items():
         unit, factor = shown[name, block.unit]

@@ -1,4 +1,4 @@
-"""What the page of a run says about its flight: altitude, speed, burns, and the planet below."""
+"""Flight data on the page of a run: altitude, speed, burns, and the planet."""
 
 import json
 from pathlib import Path
@@ -23,7 +23,7 @@ EARTH_RATE = 7.292115e-5
 def readings(
     joined: dict[str, PyTree], ground: float | None, library: ModuleType = np
 ) -> dict[str, PyTree]:
-    """Numbers that stand beside the clock, each (*times,).
+    """Numbers displayed next to the clock, each (*times,).
 
     **Arguments**
 

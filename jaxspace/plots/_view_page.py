@@ -39,7 +39,7 @@ PLACE = {"direction": "position"}
 """Blocks of states that are shown as a position."""
 NAMES = {"axis": "body axis z", "rate": "angular velocity", "momentum": "angular momentum"}
 SIGNS = {"orbit": "path", "axis": "z", "rate": "ω", "momentum": "H"}
-"""What the controls and the tips of arrows say: short, so that the controls fit one line."""
+"""Labels of the controls and arrow tips: short, so that the controls fit on one line."""
 LENGTHS = {"axis": 1.3, "rate": 1.5, "momentum": 1.75}
 """Of the arrows, in half-lengths of the body: beyond it, and so that those on one line are seen."""
 SPEEDS = {"0.1": "1/10", "0.25": "1/4", "0.5": "1/2", "1": "1", "2": "2", "4": "4", "10": "10"}
@@ -55,15 +55,15 @@ def view_page(
     """Write a page that plays a run in three dimensions; it needs no network.
 
     It shows the position with its orbit, the attitude as the homogeneous body of the same moments
-    of inertia (a box, a cylinder, a top), the wheels of effects that state their `speeds`, and the
-    sun of one that states its path as `sun`, from which the light then comes; beside the clock
-    altitude and speed; in another colour the way on which propellant leaves. The planet has its
-    graticule, and the Earth its coasts: the run names no date, so Greenwich lies along X at t = 0.
-    Drag to look from elsewhere. The view interpolates between frames that are close enough for a
+    of inertia (a box, a cylinder, a top), the wheels of effects that provide their `speeds`, and
+    the sun of an effect that provides its path as `sun`, from which the light then comes; next to
+    the clock altitude and speed; in another colour the powered part of the trajectory. The planet
+    has its graticule, and the Earth its coasts: the run has no date, so Greenwich is along X at t =
+    0. Drag to look from elsewhere. The view interpolates between frames that are close enough for a
     line between them: where the saved times are not, the run is evaluated between them, by its
     closed form, by its steps (`dense=True`), or by repeating it. Of a motion that takes more than
-    10,000 frames, such as a spin of many thousand turns, the page shows the frames alone, and says
-    so. It also says where something turns faster than a screen shows.
+    10,000 frames, such as a spin of many thousand turns, the page shows the frames only, with a
+    note. It also reports motion that is too fast to display at the playback speed.
 
     **Arguments**
 
@@ -213,7 +213,7 @@ def _resolved(phase: "Trajectory", shown: Shown) -> Drawn:
 def seen_rows(
     ground: float | None, _system: object, _t: object, state: "State"
 ) -> dict[str, PyTree]:
-    """What lines and numbers of the page show of one state, (components,)."""
+    """The values of one state for lines and numbers of the page, (components,)."""
     rows = _places(state)
     shown = readings(rows, ground, jnp)
     rows.pop("velocity", None)
@@ -241,7 +241,7 @@ def _turned(times: np.ndarray, joined: Rows) -> np.ndarray:
 def _picked(
     times: np.ndarray, blocks: Rows, turned: np.ndarray, ground: float | None
 ) -> tuple[np.ndarray, set[str]]:
-    """Numbers of the shown times, and what lines between them do not show."""
+    """Indices of the displayed times, and the quantities not resolved by lines between them."""
     rows = {name: blocks[name] for name in LINES if name in blocks}
     rows |= {name: x[None] for name, x in readings(blocks, ground).items()}
     if "attitude" in blocks:
@@ -259,7 +259,7 @@ def _picked(
 
 
 def _frames(system: "AbstractSystem", ts: ArrayLike, states: "State") -> dict[str, np.ndarray]:
-    """The blocks of the states that can be seen, each (components, times), finite ones alone."""
+    """The displayable blocks of the states, each (components, times), finite ones only."""
     result = {"times": np.asarray(ts)[None]}
     result |= {name: np.asarray(x) for name, x in _places(states).items()}
     mass = getattr(states, "mass", None)
@@ -301,8 +301,8 @@ def _continuous(wxyz: np.ndarray) -> np.ndarray:
 
 
 def _momentum(system: PyTree, ts: ArrayLike, states: PyTree) -> Array | None:
-    """The angular momentum of what turns, (3, times); `None` where it is not known: with wheels and
-    other parts the system states it where they alone change that of the body."""
+    """The angular momentum of the rotating body, (3, times); `None` where it is unknown: with
+    wheels and other parts the system provides it if only they change that of the body."""
     if not getattr(states, "parts", None):
         inertia = _inertia(system, states)
         return None if inertia is None else states.attitude.rotate(inertia.times(states.omega))
@@ -311,7 +311,8 @@ def _momentum(system: PyTree, ts: ArrayLike, states: PyTree) -> Array | None:
 
 
 def _inertia(system: PyTree, states: PyTree) -> PyTree:
-    """The inertia of what turns, at the masses of the states; `None` where the system has none."""
+    """The inertia of the rotating body, at the masses of the states; `None` where the system has
+    none."""
     body = getattr(system, "body", system)
     if getattr(body, "has_inertia", lambda: False)():
         return body.inertia(getattr(states, "mass", None))
@@ -320,7 +321,7 @@ def _inertia(system: PyTree, states: PyTree) -> PyTree:
 
 
 def _orbit(phase: "Trajectory", blocks: dict, rows: dict, planet: float | None) -> Record:
-    """The path, and what stands at the origin."""
+    """The path, and the object at the origin."""
     if "position" not in blocks:
         return {"position": None}
     distance = np.linalg.norm(blocks["position"], axis=0)

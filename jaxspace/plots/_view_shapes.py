@@ -19,7 +19,7 @@ class Face(TypedDict):
 
 
 SIDES = 28
-"""Sides of the polygon that stands for a circle."""
+"""Sides of the polygon that represents a circle."""
 THINNEST = 0.02
 """Half-thickness of a flat body, or radius of a rod, in units of the half-length."""
 
@@ -53,7 +53,7 @@ def faces_of(moments: np.ndarray, axes: np.ndarray) -> list[Face]:
 
 
 def top_faces() -> list[Face]:
-    """A top that stands on its tip at the origin, along z."""
+    """A top on its tip at the origin, along z."""
     profile = [(0.0, 0.0), (0.03, 0.12), (0.06, 0.42), (0.5, 0.6), (0.5, 0.7), (0.06, 0.78)]
     return revolved([*profile, (0.04, 1.0), (0.0, 1.0)])
 

@@ -72,10 +72,11 @@ def footprint_figure(
     **Arguments**
 
     - `dispersion`: the result of a campaign with the outputs `east` and `north`.
-    - `wind`: components to the east and to the north, m/s, for a rose beside it, as
-      `LaunchSite.winds` gives them.
+    - `wind`: components to the east and to the north, m/s, for a wind rose next to it, in the form
+      of `LaunchSite.winds`.
     - `title`: of the figure.
-    - `nominal`: where the nominal run lands, to the east and north, in the unit of the landings.
+    - `nominal`: landing point of the nominal run, to the east and north, in the unit of the
+      landings.
 
     **Raises** `InputError` without landings in three good runs or more.
     """

@@ -1,4 +1,4 @@
-"""The best design where everything scatters: `minimise` over the runs of a campaign."""
+"""Design optimisation under dispersion: `minimise` over the runs of a campaign."""
 
 from typing import TYPE_CHECKING
 

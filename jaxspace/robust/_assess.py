@@ -1,6 +1,6 @@
 """Designs assessed by a fresh campaign, whose runs no search has seen.
 
-    worth of modelling the scatter   W = S(f(x_0, w)) - S(f(x*, w))
+    value of modelling the dispersion  W = S(f(x_0, w)) - S(f(x*, w))
     its variance                     sum_i (I_i(x_0) - I_i(x*))^2
 
     symbol  meaning                                                        unit
@@ -37,12 +37,12 @@ from .statistics import AbstractStatistic, Constraint, Measured
 
 # Four times as many as a search has, so that their error is half of that of the search.
 RUNS = 4096
-"""How many fresh runs there are at least by default."""
+"""Default minimum number of independent runs."""
 
 
 @final
 class _BuildOf(eqx.Module):
-    """The `build` of the campaign of a design, as a function that holds the design: campaigns of
+    """The `build` of the campaign of a design, as a function that contains the design: campaigns of
     several designs then share their compiled programs."""
 
     campaign: CampaignOf
@@ -79,7 +79,8 @@ def assess_designs(
     seed: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> DesignAssessment:
-    """An optimum under dispersion, and other designs beside it, assessed by fresh runs.
+    """An optimum under dispersion, and other designs for comparison, assessed with independent
+    runs.
 
     **Arguments**
 
@@ -141,7 +142,8 @@ def _measured(statistic: AbstractStatistic, fresh: Dispersion) -> Measured:
 
 
 def _assess_limit(constraint: Constraint, fresh: Dispersion) -> AssessedLimit:
-    """A constraint by fresh runs: its statistic, and the runs that violate what it requires."""
+    """A constraint on independent runs: its statistic, and the runs that violate its
+    requirement."""
     measured = _measured(constraint.statistic, fresh)
     estimate = Estimate(measured.value, measured.error)
     required = constraint.requirement

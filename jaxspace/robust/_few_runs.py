@@ -10,9 +10,9 @@
 
 All runs are computed block by block. Then those with a weight are computed again, with their
 derivatives. Of a quantile, of the mean beyond it and of the greatest value these are a few percent,
-and the gradient costs little beside the runs. Both are sweeps of one loop, whose program has the
-runs once and takes less time to compile than with one for each. The number of blocks is known only
-while the program runs, so that one program serves every design.
+and the gradient is cheap compared with the runs. Both are sweeps of one loop, whose program
+contains the runs once and compiles faster than with one for each. The number of blocks is known
+only while the program runs, so that one program is sufficient for every design.
 """
 
 from collections.abc import Callable
@@ -35,8 +35,8 @@ Slopes = Callable[[Int[Array, ""], Float[Array, "own block"]], Float[Array, "row
 
 @runtime_checkable
 class Differentiated(Protocol):
-    """What is differentiated: a tree of arrays and of what holds none, as a traced array must not
-    be in its functions."""
+    """The differentiated tree: arrays and objects without arrays, because its functions must not
+    contain a traced array."""
 
     @property
     def count(self) -> int:
@@ -48,7 +48,7 @@ class Differentiated(Protocol):
         ...
 
     def weighted(self, runs: PyTree) -> tuple[Float[Array, " rows"], Float[Array, "rows runs"]]:
-        """The numbers, and the derivatives of each by its own output of every run."""
+        """The numbers, and the derivatives of each with respect to its output of every run."""
         ...
 
     def places_of_outputs(self) -> tuple[int, ...]:
@@ -114,8 +114,8 @@ class _Chosen(NamedTuple):
 
 
 class _Sweep(NamedTuple):
-    """What the two sweeps fill: first the `runs`, behind which a block of space takes those that
-    are computed again, with the `numbers` and which runs are `chosen`; then the `jacobian`."""
+    """The buffers of the two sweeps: first the `runs`, followed by a block for recomputed ones,
+    with the `numbers` and the `chosen` runs; then the `jacobian`."""
 
     runs: PyTree
     numbers: Float[Array, " rows"]

@@ -26,11 +26,11 @@ class DesignOptimum(HashedModule):
     """The best design that a search found, on the runs of the search.
 
     - `x`: the design; `start`: that of the search.
-    - `criterion`: objective and margins of the limits on these runs; of an objective that is to be
-      greatest, the negative.
+    - `criterion`: objective and margins of the limits on these runs; for an objective to maximise,
+      the negative.
     - `minimum`: the result of `minimise`, with multipliers and history; of `train_design` that of
       its steps.
-    - `problem`: what was minimised over which runs; `seed`: of these runs.
+    - `problem`: the minimised problem and its runs; `seed`: of these runs.
 
     The runs of the search flatter their optimum: `assess_designs` has fresh ones."""
 
@@ -53,7 +53,7 @@ class DesignOptimum(HashedModule):
 
     @property
     def runs(self) -> RunsOfDesign:
-        """What the runs of the search gave for the design, (runs,)."""
+        """The outputs of the runs of the search for the design, (runs,)."""
         return jax.tree.map(np.asarray, self.criterion.report)
 
     @property
@@ -78,15 +78,14 @@ class DesignOptimum(HashedModule):
 
     @property
     def _sizes(self) -> Design:
-        """The sizes of the unknowns in the search; zero where it kept none."""
+        """The scales of the unknowns in the search; zero where unavailable."""
         search = getattr(self.minimum, "search", None)
         flat, unravel = ravel_pytree(self.x)
         return unravel(jnp.asarray(getattr(search, "size", jnp.zeros_like(flat))))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Runs that failed, steps that were left out, and unknowns without influence, a sentence
-        each."""
+        """Messages about failed runs, skipped steps, and unknowns without influence."""
         sentences = [failures(self.runs)]
         # The objective is infinite there, which a search takes for a step too far.
         if int(self.minimum.left_out):

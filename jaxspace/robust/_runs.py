@@ -1,5 +1,5 @@
-"""The runs of a design on a fixed sample: objective and constraints of a search, and what each run
-gave."""
+"""The runs of a design on a fixed sample: objective and constraints of a search, and the results of
+each run."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeAlias
@@ -26,25 +26,24 @@ CampaignOf: TypeAlias = Callable[[Design], Campaign]
 
 
 class RunsOfDesign(NamedTuple):
-    """What the runs of a design gave: outputs by name, and the `Status` of each; (runs,)."""
+    """The results of the runs of a design: outputs by name, and the `Status` of each; (runs,)."""
 
     outputs: dict[str, Float[Array, " runs"]]
     status: Int[Array, " runs"]
 
     def good(self, output: str) -> Bool[Array, " runs"]:
-        """Whether a run ended well with a finite output."""
+        """Whether a run succeeded with a finite output."""
         return (self.status <= Status.EVENT) & jnp.isfinite(self.outputs[output])
 
 
 class Problem(NamedTuple):
-    """What is minimised over which runs.
+    """The minimised problem and its runs.
 
     - `campaign`: from a design to its campaign.
     - `objective`, `constraints`: statistics of outputs, and limits of them.
-    - `normals`: the places of the runs (`fixed_normals`); `None` for the nominal run alone.
-    - `accuracy`: of each run.
-    - `may_fail`: the share of the runs that may fail.
-    - `sign`: 1 where the objective is to be least, -1 where it is to be greatest."""
+    - `normals`: the places of the runs (`fixed_normals`); `None` for the nominal run only. -
+      `accuracy`: of each run. - `may_fail`: the share of the runs that may fail. - `sign`: 1 to
+      minimise the objective, -1 to maximise it."""
 
     campaign: CampaignOf
     objective: AbstractStatistic
@@ -146,8 +145,8 @@ class Problem(NamedTuple):
     def weighted(
         self, runs: RunsOfDesign
     ) -> tuple[Float[Array, " rows"], Float[Array, "rows runs"]]:
-        """The objective and the margins of the constraints, and the derivatives of each by its own
-        output of every run."""
+        """The objective and the margins of the constraints, and the derivatives of each with
+        respect to its output of every run."""
         pairs = [
             jax.value_and_grad(f)(runs.outputs[s.output], runs.good(s.output))
             for f, s in zip(self._measures, self.statistics, strict=True)
@@ -157,7 +156,7 @@ class Problem(NamedTuple):
 
     @property
     def _measures(self) -> tuple[Callable[[Array, Array], Array], ...]:
-        """What is minimised, and the margins of the constraints."""
+        """The minimised value, and the margins of the constraints."""
         objective = lambda x, good: self.sign * self.objective.value(x, good)  # noqa: E731
         return objective, *(c.margin for c in self.constraints)
 
@@ -199,10 +198,10 @@ def problem_of(
     may_fail: float,
     maximise: AbstractStatistic | None = None,
 ) -> Problem:
-    """The problem on a sample of so many `runs`; by `None` at the nominal run alone.
+    """The problem on a sample of `runs` runs; with `None`, on the nominal run only.
 
-    Raises `InputError` without one of `minimise` and `maximise`, for what is no campaign, statistic
-    or constraint, a campaign without scatter, and for fewer runs than a statistic needs."""
+    Raises `InputError` without one of `minimise` and `maximise`, for an invalid campaign, statistic
+    or constraint, a campaign without dispersion, and for fewer runs than a statistic requires."""
     if (minimise is None) == (maximise is None):
         raise InputError("A design must have exactly one of minimise and maximise.")
     goal, objective = "minimise" if maximise is None else "maximise", minimise or maximise
@@ -249,7 +248,7 @@ def enough_runs(statistics: Sequence[AbstractStatistic], least: int) -> int:
 
 
 def _check_scatter(campaign: Campaign) -> None:
-    """Raise `InputError` where no input of the campaign scatters."""
+    """Raise `InputError` if no input of the campaign is dispersed."""
     deviations = [d.deviation for d in campaign.inputs.values()]
     if all(is_concrete(s) and not np.any(np.asarray(s)) for s in deviations):
         raise InputError(
@@ -259,7 +258,7 @@ def _check_scatter(campaign: Campaign) -> None:
 
 
 def failures(runs: RunsOfDesign) -> str:
-    """How many of known runs failed and by which status most, in a sentence; empty for none."""
+    """A message with the number of failed runs and their most frequent status; empty for none."""
     status = np.asarray(runs.status)
     bad = status[status > Status.EVENT]
     if not bad.size:

@@ -33,7 +33,7 @@ from .statistics import AbstractStatistic, Constraint
 
 # A power of two, in which Sobol points fill the unit cube evenly.
 RUNS = 1024
-"""How many runs there are at least by default."""
+"""Default minimum number of runs."""
 
 
 def optimise_design(
@@ -56,7 +56,7 @@ def optimise_design(
     store: str | os.PathLike[str] | None = None,
     resume: bool = False,
 ) -> DesignOptimum:
-    """The design that is best where everything scatters.
+    """The optimal design under dispersion.
 
     **Arguments**
 
@@ -67,25 +67,23 @@ def optimise_design(
       where it is to be greatest.
     - `subject_to`: limits of statistics, such as `Quantile("impact_speed", 0.99).at_most(6.0)`.
     - `bounds`, `scale`, `optimiser`, `tolerance`, `max_steps`, `progress`: as in
-      `jaxspace.optimization.minimise`. The default of `tolerance` is far below what the number of
-      runs can tell.
-    - `runs`: number of runs; by default a power of two from 1024 on that leaves twenty beyond each
-      quantile.
+      `jaxspace.optimization.minimise`. The default of `tolerance` is far below the sampling error.
+    - `runs`: number of runs; by default a power of two from 1024 on with at least twenty runs
+      beyond each quantile.
     - `seed`: of the runs. All designs have the same runs, drawn once.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
       campaign.
     - `may_fail`: the share of the runs that may fail, from 0 on. They are left out of the
       statistics; the search turns back from a design at which more fail.
 
-    - `store`: the path of a file in which the search keeps its state.
-    - `resume`: whether it goes on from that file, where there is one, after its process was ended:
-      with the same steps, bit for bit, that it would have taken.
+    - `store`: the path of a file in which the search saves its state. - `resume`: whether to
+      continue from that file, if it exists, after an interrupted process: with bit-identical steps.
 
     **Returns** a `DesignOptimum`. Ctrl-C ends the search with the best design so far.
 
-    **Raises** `InputError` for a campaign without scatter, too few runs for a quantile, an unknown
-    output, more runs that fail at the start than may, a store that exists or is that of another
-    search, and as `minimise` does.
+    **Raises** `InputError` for a campaign without dispersion, too few runs for a quantile, an
+    unknown output, more failed runs at the start than allowed, a store that exists or belongs to
+    another search, and as `minimise` does.
     """
     every = [minimise, maximise, *(getattr(c, "statistic", None) for c in subject_to)]
     # Anything else is refused by `problem_of`, with its name.

@@ -11,12 +11,12 @@ Quantile c of a share q, and half the width b of the kernel about it, together:
     G       distribution of the kernel 35/32 K                               1
     r       half the kernel as a share of the runs: four errors of a rank    1
 
-Where values are sparse the kernel is wide: it holds as many runs everywhere, and its deviation b/3
-is 1.3 errors of c. Both equations are smooth in all values, and so are c and b. Only the runs
-within b of c have a weight in their derivatives, about 8 sqrt(q (1 - q) n) of them: no other needs
-to be differentiated (`_few_runs.py`).
-Source: Silverman, Density Estimation for Statistics and Data Analysis (1986), 3.3 (kernels); Wand
-and Jones, Kernel Smoothing (1995), 2.7.
+Where values are sparse the kernel is wide: it contains the same number of runs everywhere, and its
+standard deviation b/3 is 1.3 errors of c. Both equations are smooth in all values, and so are c and
+b. Only the runs within b of c have a weight in their derivatives, about 8 sqrt(q (1 - q) n) of
+them: no other needs to be differentiated (`_few_runs.py`). Source: Silverman, Density Estimation
+for Statistics and Data Analysis (1986), 3.3 (kernels); Wand and Jones, Kernel Smoothing (1995),
+2.7.
 """
 
 from typing import NamedTuple
@@ -73,7 +73,7 @@ def count(x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, 
 def width_of_all(
     x: Float[Array, " runs"], good: Bool[Array, " runs"]
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """The width of a kernel from the scatter of all good runs, and their number."""
+    """The width of a kernel from the scatter of all successful runs, and their number."""
     n = count(x, good)
     mean = jnp.sum(jnp.where(good, x, 0.0)) / n
     off = jnp.abs(jnp.where(good, x - mean, 0.0))
@@ -129,7 +129,7 @@ class _Kernel(NamedTuple):
         return now - self.share, full - 32.0 / 35.0 * self.held, z
 
     def slopes(self, z: Array) -> tuple[Array, Array, Array, Array]:
-        """Their derivatives by c/b and by log b, two of each."""
+        """Their derivatives with respect to c/b and to log b, two of each."""
         bump = jnp.maximum(1.0 - z * z, 0.0)
         moments = (bump**3, z * bump**3, z * bump**2, z * z * bump**2)
         first, second, third, fourth = (jnp.sum(m) / self.n for m in moments)
@@ -139,7 +139,7 @@ class _Kernel(NamedTuple):
         return of_c, -35.0 / 32.0 * second, -6.0 * third, jnp.maximum(6.0 * fourth, least)
 
     def improved(self, c: Array, b: Array, x: Array) -> tuple[Array, Array]:
-        """Newton's step for each unknown alone, in which its equation is monotonous."""
+        """Newton's step for each unknown separately, in which its equation is monotonic."""
         off, _, z = self.errors(c, b, x)
         c = c - b * jnp.clip(off / self.slopes(z)[0], -1.0, 1.0)
         _, off, z = self.errors(c, b, x)

@@ -39,7 +39,7 @@ def train_design(
     store: str | os.PathLike[str] | None = None,
     resume: bool = False,
 ) -> DesignOptimum:
-    """The design that is best where everything scatters, by fresh runs in every step.
+    """The optimal design under dispersion, with new runs in every step.
 
     Unlike `optimise_design` it does not adapt to one sample, and reaches the optimum within the
     noise of its steps.
@@ -47,9 +47,9 @@ def train_design(
     **Arguments**
 
     - `campaign`, `start`, `minimise`, `maximise`, `subject_to`, `accuracy`, `may_fail`: as in
-      `optimise_design`. A batch in which more runs fail is left out.
-    - `optimiser`: of optax, such as `optax.adam(1e-3)`; with a schedule, clipping or whatever else
-      its chain holds, but for line searches. Its rates are in sizes of the unknowns.
+      `optimise_design`. A batch in which more runs fail is skipped. - `optimiser`: of optax, such
+      as `optax.adam(1e-3)`; a schedule, clipping or other parts of a chain are allowed, except for
+      line searches. Its rates are in sizes of the unknowns.
     - `bounds`, `scale`: as in `optimise_design`; steps end at the bounds.
     - `batch`: number of runs of a step. A quantile is that of each batch.
     - `seed`: of the runs.
@@ -62,7 +62,7 @@ def train_design(
       of its batch. Ctrl-C ends the search with the result so far.
     - `store`, `resume`: as in `optimise_design`.
 
-    **Returns** a `DesignOptimum`, whose objective and limits are those of a sample of its own.
+    **Returns** a `DesignOptimum`, whose objective and limits are those of a separate sample.
 
     **Raises** `InputError` as `optimise_design` does, for a batch too small for a quantile, and for
     an optimiser with a line search.

@@ -1,4 +1,4 @@
-"""What fresh runs say of designs: table and figure."""
+"""Assessment of designs on independent runs: table and figure."""
 
 __all__ = ["Estimate", "AssessedDesign", "AssessedLimit"]
 
@@ -44,7 +44,7 @@ class AssessedLimit(NamedTuple):
     """A limit by fresh runs.
 
     - `constraint`: the limit; `value`: of its statistic.
-    - `verdict`: share of the runs that violate what it requires of each run, with its interval;
+    - `verdict`: share of the runs that violate its requirement on each run, with its interval;
       `None` where it requires nothing of a run."""
 
     constraint: Constraint
@@ -53,7 +53,8 @@ class AssessedLimit(NamedTuple):
 
     @property
     def fails(self) -> bool:
-        """Whether the runs show that the limit is not kept: by the verdict, or by two errors."""
+        """Whether the runs show that the limit is violated: by the verdict, or by two standard
+        errors."""
         if self.verdict is not None:
             return self.verdict.word == "fail"
         # At an optimum the limit is just met: half of all estimates lie beyond it, one in forty by
@@ -97,7 +98,7 @@ class DesignAssessment(HashedModule):
 
     @property
     def gap(self) -> Estimate:
-        """By how much the statistic that was minimised is larger on fresh runs than on those of the
+        """Excess of the minimised statistic on independent runs over that on the runs of the
         search, with the error of both."""
         fresh = self.designs["robust"].measured
         # Two independent samples, whose errors add in squares.
@@ -105,8 +106,8 @@ class DesignAssessment(HashedModule):
         return _difference(fresh.value, self.on_search.value, float(both))
 
     def worth(self, name: str) -> Estimate:
-        """By how much the statistic that was minimised is larger for another design than for the
-        optimum. The error is smaller than that of either, because they have the same inputs."""
+        """Excess of the minimised statistic of another design over that of the optimum. The error
+        is smaller than that of either, because they have the same inputs."""
         own, other = self.designs["robust"].measured, self.designs[name].measured
         # Run by run, because the inputs are the same: what both designs have in common cancels.
         change = other.influence - own.influence
@@ -166,8 +167,8 @@ class DesignAssessment(HashedModule):
         return rows
 
     def page(self, path: str | os.PathLike[str], title: str = "Design under dispersion") -> Path:
-        """Write a page for any browser: the table of the designs, what it says, their histograms
-        over one another of each output of the search, and the course of the search.
+        """Write a self-contained HTML page: the table of the designs, its findings, overlaid
+        histograms of each output of the search, and the course of the search.
 
         **Arguments**
 

@@ -22,8 +22,8 @@ ROOTS = ("mission", "state")
 
 
 class Free(NamedTuple):
-    """Bounds of a free number, a table or a module, and by how much it changes to matter (`scale`);
-    by default without bounds, and of the size that `minimise` takes."""
+    """Bounds of a design variable, a table or a module, and its typical change (`scale`); by
+    default without bounds, and with the scale of `minimise`."""
 
     low: float = -np.inf
     high: float = np.inf
@@ -31,7 +31,7 @@ class Free(NamedTuple):
 
 
 class FreeDesign(NamedTuple):
-    """What `optimise_design` and `train_design` take: `campaign`, `start`, `bounds`, `scale`. The
+    """Inputs of `optimise_design` and `train_design`: `campaign`, `start`, `bounds`, `scale`. The
     designs are dictionaries by path."""
 
     campaign: Callable[[dict[str, PyTree]], Campaign]
@@ -178,7 +178,7 @@ def _like(value: PyTree, built: tuple[Mission, State], path: str) -> PyTree:
 
 
 def _size(x: Array, one: Free) -> Scalar:
-    """The scale that is given, or what `minimise` takes."""
+    """The given scale, or the default of `minimise`."""
     if one.scale is not None:
         return one.scale
     # The defaults of `minimise`, because a tree of scales has no gaps.

@@ -20,11 +20,10 @@ below the error of the sample: h is the best for the distribution function of a 
 follows the error of the quantile. The quantile c makes the mean beyond it stationary (Rockafellar
 and Uryasev's auxiliary number), so that its derivative there is stopped.
 
-A failed run has no value and is left out, but for the share of violations, in which it counts. With
-its `influence` a run has a part in the error: the variance of a statistic is the sum of their
-squares (Hampel et al., Robust Statistics, 2.1).
-Sources: Azzalini, Biometrika 68 (1981), 326 (kernel); Rockafellar and Uryasev, J. Risk 2 (2000),
-21.
+A failed run has no value and is excluded, except in the share of violations, where it counts as a
+violation. With its `influence` a run has a part in the error: the variance of a statistic is the
+sum of their squares (Hampel et al., Robust Statistics, 2.1). Sources: Azzalini, Biometrika 68
+(1981), 326 (kernel); Rockafellar and Uryasev, J. Risk 2 (2000), 21.
 """
 
 __all__ = [
@@ -95,7 +94,7 @@ class AbstractStatistic(HashedModule):
         """The statistic in words."""
 
     def at_nominal(self, x: Float[Array, ""]) -> Float[Array, ""]:
-        """What stands for the statistic where nothing scatters and the output is `x`."""
+        """The value of the statistic without dispersion, for the output `x`."""
         return x
 
     @property
@@ -110,12 +109,12 @@ class AbstractStatistic(HashedModule):
 
     @property
     def fewest_runs(self) -> int:
-        """How many runs it needs."""
+        """Minimum number of runs."""
         # Rounding of 1 - 0.99 must not ask for another run.
         return 1 if self.tail is None else int(np.ceil(TAIL / self.tail * (1.0 - 1e-12)))
 
     def requirement(self, limit: float, upper: bool) -> Requirement | None:
-        """What a limit of the statistic requires of each run; `None` if it requires nothing.
+        """The requirement of a limit of the statistic on each run; `None` if it requires nothing.
 
         **Arguments**
 
@@ -151,12 +150,12 @@ class Constraint(HashedModule):
             check_share(f"The limit of the {self.statistic.text()}", self.limit)
 
     def margin(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
-        """By how much the limit is kept; negative where it is violated."""
+        """The margin of the limit; negative where it is violated."""
         over = self.statistic.value(x, good) - self.limit
         return -over if self.upper else over
 
     def margin_at_nominal(self, x: Float[Array, ""]) -> Float[Array, ""]:
-        """The same where nothing scatters and the output is `x`."""
+        """The same without dispersion, for the output `x`."""
         alone = self.statistic.at_nominal(x)
         # A share of violations: the run itself must not be one.
         limit = 0.0 if isinstance(self.statistic, Violation) else self.limit
@@ -164,7 +163,7 @@ class Constraint(HashedModule):
 
     @property
     def requirement(self) -> Requirement | None:
-        """What the constraint requires of each run; `None` if it requires nothing."""
+        """The requirement of the constraint on each run; `None` if it requires nothing."""
         return self.statistic.requirement(self.limit, self.upper)
 
     def text(self) -> str:
@@ -199,7 +198,7 @@ class Mean(AbstractStatistic):
 
 @final
 class MeanPlus(AbstractStatistic):
-    """The mean plus `k` standard deviations; less them for a negative `k`."""
+    """The mean plus `k` standard deviations, minus for a negative `k`."""
 
     output: str = eqx.field(static=True)
     k: float = eqx.field(static=True, converter=float)
@@ -224,7 +223,7 @@ class MeanPlus(AbstractStatistic):
 
 @final
 class Quantile(AbstractStatistic):
-    """The value below which a `share` of the runs lies.
+    """The quantile `share` of the runs.
 
     Raises `InputError` unless the share is between 0 and 1."""
 
@@ -333,7 +332,7 @@ class Violation(AbstractStatistic):
 
     @property
     def _limit(self) -> tuple[float, float]:
-        """The limit, and the sign of what lies beyond it."""
+        """The limit, and the sign of its violation."""
         if self.high is not None:
             return self.high, 1.0
         assert self.low is not None
@@ -400,7 +399,7 @@ class Worst(AbstractStatistic):
 
 
 def _moments(x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> tuple[Array, Array, Array]:
-    """Mean, deviation and number of the good runs."""
+    """Mean, standard deviation and number of the successful runs."""
     n = count(x, good)
     mean = jnp.sum(jnp.where(good, x, 0.0)) / n
     off = jnp.where(good, x - mean, 0.0)

@@ -1,6 +1,6 @@
-"""Functions of the hard cases of bodies that turn: flips, tops, pendulums, yo-yos, gyros.
+"""Functions of the edge cases of rotating bodies: flips, tops, pendulums, yo-yos, gyros.
 
-Each takes the inputs of a case in one array, (inputs,), and returns its outputs, (outputs,)."""
+Each maps the inputs of a case, (inputs,), to its outputs, (outputs,)."""
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -83,7 +83,7 @@ def cord(x: Array) -> Array:
 
 
 def unwound(x: Array) -> Array:
-    """Spin and tension from I, R, m, cord, angle and first spin."""
+    """Spin and tension from I, R, m, cord, angle and initial spin."""
     yoyo = YoYo(x[0], x[1], x[2], x[3])
     return jnp.stack([yoyo.spin_rate(x[4], x[5]), yoyo.tension(x[4], x[5])])
 

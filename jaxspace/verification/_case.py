@@ -1,4 +1,4 @@
-"""A hard case: one row of a table, and where its truth comes from."""
+"""An edge case: one row of a table, and the origin of its reference values."""
 
 import functools
 import json
@@ -21,18 +21,18 @@ TRUTHS = Path(__file__).parent / "truths.json"
 class Case:
     """One place at which a formula is easily wrong.
 
-    - `name`: "package: what is hard".
+    - `name`: "package: difficulty".
     - `function`: from the inputs, (inputs,), to the outputs, (outputs,). Cases of one function
       share one compiled program.
-    - `inputs`: numbers that double precision holds exactly as they are meant.
-    - `why`: where the tolerances come from.
+    - `inputs`: numbers that are exactly representable in double precision.
+    - `why`: origin of the tolerances.
     - `roundings`: the error allowed in the value, in roundings times the condition number.
     - `slope_roundings`: the error allowed in the derivatives, in roundings of the largest one of
       the same output.
-    - `value`, `slopes`: the truth in closed form. Where `value` is `None`, the truth is stored in
+    - `value`, `slopes`: reference in closed form. Where `value` is `None`, the truth is stored in
       `truths.json`, to twenty digits; `tests/truths.py` computes it. `slopes` has a row for each
       output and is empty where the value has no derivatives.
-    - `single`: why float32 cannot hold this case; empty where it can."""
+    - `single`: the reason why float32 cannot represent this case; empty if it can."""
 
     name: str
     function: CaseFunction

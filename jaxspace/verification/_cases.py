@@ -1,4 +1,5 @@
-"""The hard cases that the library ships: rows of `cases.toml`, and the functions that they name."""
+"""The edge cases shipped with the library: rows of `cases.toml`, and the functions that they
+name."""
 
 import tomllib
 from pathlib import Path
@@ -20,7 +21,7 @@ FUNCTIONS: dict[str, ModuleType] = {
     "rockets": _rocket_functions,
     "simulation": _simulation_functions,
 }
-"""Where the functions of the rows stand, by the word before their name."""
+"""Modules of the functions of the rows, by the prefix of their name."""
 ROWS = Path(__file__).parent / "cases.toml"
 
 

@@ -1,6 +1,6 @@
-"""Functions of the hard cases of what has no NaN, and of rotations.
+"""Functions of the edge cases of NaN-safe operations, and of rotations.
 
-Each takes the inputs of a case in one array, (inputs,), and returns its outputs, (outputs,)."""
+Each maps the inputs of a case, (inputs,), to its outputs, (outputs,)."""
 
 import jax.numpy as jnp
 from jaxtyping import Array

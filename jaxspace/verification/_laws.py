@@ -67,7 +67,7 @@ class LawReport:
 
     @property
     def passed(self) -> bool:
-        """Whether every law holds."""
+        """Whether every law is satisfied."""
         return all(law.holds for law in self.laws)
 
     def __repr__(self) -> str:
@@ -93,17 +93,16 @@ def verify(
 
     **Arguments**
 
-    - `system`, `y0`: what runs, and a state from which it does something worth seeing, in float64.
-    - `duration`: how long, s; so short that an error does not grow too far.
-    - `tolerance`: what each run may deviate, relative to the size of each block. The field is held
-      to rounding.
+    - `system`, `y0`: the system, and a state with representative motion, in float64. - `duration`:
+      s; short enough that errors do not grow too far. - `tolerance`: allowed deviation of each run,
+      relative to the size of each block. The field is held to rounding.
     - `accuracy`: of the runs; by default 1e-11 with the method that `simulate` chooses.
     - `seed`: of the random directions and neighbours.
 
-    **Returns** a `LawReport`, whose `passed` says whether every law holds, and which prints as a
-    table.
+    **Returns** a `LawReport`, whose `passed` reports whether every law is satisfied, and which
+    prints as a table.
 
-    **Raises** `InputError` for a state that is not in float64, and what `simulate` raises.
+    **Raises** `InputError` for a state that is not in float64, and as `simulate` does.
     """
     check_positive("tolerance", tolerance)
     y0 = jax.tree.map(jnp.asarray, y0)
@@ -201,7 +200,7 @@ class _Check(eqx.Module):
         )
 
     def batch(self) -> Law:
-        """Neighbours beside each other, and one of them alone."""
+        """Neighbouring runs as a batch, and one of them individually."""
         leaves, tree = jax.tree.flatten(self.y0)
         keys = jax.random.split(self.key, len(leaves))
         states = jax.tree.unflatten(
@@ -265,8 +264,7 @@ def inner(a: State, b: State) -> Scalar:
 
 
 def distance(computed: State, truth: State) -> float:
-    """The largest difference of two trees, relative to the size of its block; infinite for what is
-    not a number."""
+    """The largest difference of two trees, relative to the size of its block; infinite for NaN."""
     apart = jax.tree.map(
         # In the precision of the truth, in which the difference itself does not round.
         lambda a, b: jnp.max(jnp.abs(a.astype(b.dtype) - b)) / _size(b),

@@ -1,7 +1,7 @@
-"""Functions of the hard cases of orbits: every conic, its elements, and transfers. Units with
+"""Functions of the edge cases of orbits: every conic, its elements, and transfers. Units with
 mu = 1.
 
-Each takes the inputs of a case in one array, (inputs,), and returns its outputs, (outputs,)."""
+Each maps the inputs of a case, (inputs,), to its outputs, (outputs,)."""
 
 import jax.numpy as jnp
 from jaxtyping import Array

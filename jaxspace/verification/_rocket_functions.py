@@ -1,6 +1,6 @@
-"""Functions of the hard cases of rockets, and of optimal flight.
+"""Functions of the edge cases of rockets, and of optimal flight.
 
-Each takes the inputs of a case in one array, (inputs,), and returns its outputs, (outputs,)."""
+Each maps the inputs of a case, (inputs,), to its outputs, (outputs,)."""
 
 import jax.numpy as jnp
 from jaxtyping import Array

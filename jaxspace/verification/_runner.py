@@ -22,7 +22,7 @@ THREADS = 2
 def run_cases(
     cases: Sequence[Case] = CASES, *, precision: str = "float64", device: str | None = None
 ) -> Verification:
-    """Evaluate hard cases in value, forward and reverse derivatives.
+    """Evaluate edge cases in value, forward and reverse derivatives.
 
     **Arguments**
 
@@ -31,7 +31,7 @@ def run_cases(
       of the rounded inputs to first order.
     - `device`: "cpu", "gpu" or another platform of JAX; by default its default one.
 
-    **Returns** a `Verification`; `passed` says whether every case holds.
+    **Returns** a `Verification`; `passed` reports whether every case is within its tolerance.
 
     **Raises** `InputError` for a precision that is not enabled and for a device that is not there.
     """
@@ -110,7 +110,7 @@ def _judge(
     reverse: np.ndarray | None,
     precision: str,
 ) -> CaseResult:
-    """A case's errors beside what it allows."""
+    """The errors of a case compared with its tolerances."""
     true_value, true_slopes = (np.asarray(x, float) for x in case.truth())
     eps = float(np.finfo(precision).eps)
     shift = np.asarray(case.inputs, precision).astype(float) - np.asarray(case.inputs)

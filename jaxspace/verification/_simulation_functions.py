@@ -1,6 +1,6 @@
-"""Functions of the hard cases of runs: events, phases, burnouts, failures; and of dispersions.
+"""Functions of the edge cases of runs: events, phases, burnouts, failures; and of dispersions.
 
-Each takes the inputs of a case in one array, (inputs,), and returns its outputs, (outputs,)."""
+Each maps the inputs of a case, (inputs,), to its outputs, (outputs,)."""
 
 import math
 
@@ -31,7 +31,7 @@ def usual(max_steps: int = 256) -> Accuracy:
 
 
 def on_circle(speed: Array) -> BodyState:
-    """At the distance 1, at right angles to the radius."""
+    """Velocity at the distance 1, perpendicular to the radius."""
     # From the speed, so that precision and runs are those of the case.
     zero = 0.0 * speed
     return BodyState(
@@ -106,7 +106,7 @@ def out_of_steps(x: Array) -> Array:
 
 
 def beside_a_failure(x: Array) -> Array:
-    """Which of three runs failed, where one of them falls into the centre."""
+    """Failure flags of three runs, one of which falls into the centre."""
     starts = on_circle(x)
     run = simulate_batch(
         TwoBody(jnp.ones_like(x[0])), starts, jnp.asarray([0.0, 3.0]), accuracy=usual()

@@ -19,12 +19,12 @@ from ._case import Case
 @dataclass(frozen=True)
 @printed()
 class CaseResult:
-    """A case and what was found.
+    """A case and its results.
 
     - `error`: of the value, relative to the condition of the case.
     - `forward_error`, `reverse_error`: of the derivatives in both modes, relative to the largest
       derivative of the same output; `None` where the value has none.
-    - `tolerance`, `slope_tolerance`: what is allowed, for the reason `why`.
+    - `tolerance`, `slope_tolerance`: allowed errors, for the reason `why`.
     - `verdict`: "holds", "fails" or "left out"."""
 
     name: str
@@ -38,7 +38,7 @@ class CaseResult:
 
     @classmethod
     def left_out(cls, case: Case) -> "CaseResult":
-        """The row of a case that float32 cannot hold."""
+        """The row of a case that float32 cannot represent."""
         # The reason takes the place of that of the tolerances.
         return cls(case.name, None, None, None, None, None, "left out", case.single)
 
@@ -53,7 +53,7 @@ class CaseResult:
 @final
 @dataclass(frozen=True)
 class Verification:
-    """The results of the hard cases: `rows`, the `precision`, the `device`, and the time, s."""
+    """The results of the edge cases: `rows`, the `precision`, the `device`, and the time, s."""
 
     rows: tuple[CaseResult, ...]
     precision: str
@@ -78,7 +78,7 @@ class Verification:
         return "\n".join([table, *limits, self.summary()])
 
     def summary(self) -> str:
-        """One line: how many cases hold, fail and are left out, where, and how long it took."""
+        """One line: numbers of passed, failed and skipped cases, platform, and duration."""
         counts = {verdict: 0 for verdict in ("holds", "fails", "left out")}
         for row in self.rows:
             counts[row.verdict] += 1
@@ -102,7 +102,7 @@ class Verification:
 
 
 def _plain(x: object) -> object:
-    """The same in values that JSON has."""
+    """The same with JSON-compatible values."""
     if isinstance(x, dict):
         return {key: _plain(value) for key, value in x.items()}
     if isinstance(x, list | tuple):
