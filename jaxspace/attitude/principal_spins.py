@@ -69,7 +69,8 @@ def spin_modes(moments: Vector, rate: Scalar) -> tuple[Vector, Vector]:
     Where p_k^2 is zero their slopes follow the endpoint derivative convention of `end_sqrt`.
     """
 
-    # Arguments and no closure, because the rule of ends takes its slopes from the arguments.
+    # Arguments and no closure, because the endpoint derivative convention uses the slopes of the
+    # arguments.
     def stable(*x):
         return jnp.maximum(spin_stiffness(jnp.stack(x[:3]), x[3]), 0.0)
 
