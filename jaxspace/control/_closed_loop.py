@@ -178,9 +178,9 @@ class ClosedLoop(AbstractSampledLoop):
           `y0`, and of the first sample.
         - `key`: of the noise.
         - `accuracy`: the relative tolerance of the motion between two samples, or an `Accuracy`;
-          1e-9 by default. Its method uses fixed steps. - `steps`: their number between two samples,
-          overriding that of the loop. Outside of `jit` a run that misses the tolerance is repeated
-          with more.
+          1e-9 by default. Its method uses fixed steps.
+        - `steps`: their number between two samples, overriding that of the loop. Outside of `jit` a
+          run that misses the tolerance is repeated with more.
         - `events`: the run stops at the first zero of one of these; one with `within` must occur.
         - `start`: the time of `y0`, instead of the first of `ts`; it may be traced, so that a loop
           can continue where an event has ended another one.

@@ -24,7 +24,8 @@ from .types import Flag, Scalar, State
 class RunWarning(NamedTuple):
     """A probable mistake in finished runs.
 
-    - `words`: a message about it. - `runs`: the runs concerned, (*runs,)."""
+    - `words`: a message about it.
+    - `runs`: the runs concerned, (*runs,)."""
 
     words: str
     runs: Bool[np.ndarray, "*runs"]

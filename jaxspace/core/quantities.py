@@ -41,8 +41,9 @@ class Quantity(NamedTuple):
     - `shared`: where a scene file looks for a value that the table of the class does not give, such
       as "planet.mu".
     - `key`: the key in a scene file where it is not the name of the field.
-    - `shape`: without the axis of runs; `None` means any length. - `batched`: whether batch axes
-      may follow. - `least`: minimum number of entries of a list of any length in a scene file.
+    - `shape`: without the axis of runs; `None` means any length.
+    - `batched`: whether batch axes may follow.
+    - `least`: minimum number of entries of a list of any length in a scene file.
     - `whole`: whether it counts something.
     - `direction`: whether the components on its first axis have a direction, so that not all of
       them are zero.
@@ -170,8 +171,8 @@ def quantity(
 
     **Arguments**
 
-    - `unit`, `doc`, and by name the other arguments of `argument` except the shape. - `converter`:
-      converts the value to that of the field, instead of a floating-point array.
+    - `unit`, `doc`, and by name the other arguments of `argument` except the shape.
+    - `converter`: converts the value to that of the field, instead of a floating-point array.
     """
     made = argument(unit, doc=doc, **declared)
     if converter is None:
@@ -228,8 +229,8 @@ def check_shape(name: str, value: object, declared: Quantity) -> None:
 
     **Arguments**
 
-    - `name`: of the value, in the message. - `value`: numbers, a list of them, or an array, which
-      may be traced; other objects pass.
+    - `name`: of the value, in the message.
+    - `value`: numbers, a list of them, or an array, which may be traced; other objects pass.
     - `declared`: its declaration."""
     shape = _shape_of(value)
     if shape is None or declared.fits(shape):

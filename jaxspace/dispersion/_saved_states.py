@@ -18,8 +18,8 @@ class ChosenTimes(NamedTuple):
     """Places in a phase at which its states are saved.
 
     - `fractions`: of its duration, ascending from 0 to 1, (times,).
-    - `outputs`: indices of those that the outputs read, evenly spaced. - `kept`: indices of the
-      requested ones."""
+    - `outputs`: indices of those that the outputs read, evenly spaced.
+    - `kept`: indices of the requested ones."""
 
     fractions: Float[Array, " times"]
     outputs: Int[Array, " along"]

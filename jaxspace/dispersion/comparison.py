@@ -18,9 +18,11 @@ from .covariance import METHODS, MONTE_CARLO, moments
 class Comparison(NamedTuple):
     """Error and cost of a method in one output.
 
-    - `method`, `output`: of the row. - `mean`, `std`: results of the method. - `mean_error`: its
-      mean minus that of Monte Carlo, in standard deviations. - `std_error`: its standard deviation
-      over that of Monte Carlo, minus one. For Monte Carlo itself both are its standard errors.
+    - `method`, `output`: of the row.
+    - `mean`, `std`: results of the method.
+    - `mean_error`: its mean minus that of Monte Carlo, in standard deviations.
+    - `std_error`: its standard deviation over that of Monte Carlo, minus one. For Monte Carlo
+      itself both are its standard errors.
     - `runs`, `seconds`: of the method, without compiling.
     - `warning`: a message if the method is not valid; empty otherwise."""
 

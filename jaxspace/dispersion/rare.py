@@ -81,7 +81,8 @@ def rare_event(
 
     **Arguments**
 
-    - `campaign`: of the runs. - `output`: its name; `above` or `below`: the limit.
+    - `campaign`: of the runs.
+    - `output`: its name; `above` or `below`: the limit.
     - `runs`: about how many.
     - `method`: "importance" looks for the nearest violations along the derivatives, and for others
       without them, and draws about all of them: the more accurate one. "subset" needs no

@@ -46,8 +46,8 @@ def residual_tests(r: Float[Array, "..."], seen: Bool[Array, "..."]) -> Residual
 
     **Arguments**
 
-    - `r`: residuals over their standard deviations, times on the last axis. - `seen`: whether each
-      reading is used."""
+    - `r`: residuals over their standard deviations, times on the last axis.
+    - `seen`: whether each reading is used."""
     r, seen = r.reshape(-1, r.shape[-1]), seen.reshape(-1, r.shape[-1])
     weight = seen.astype(r.dtype)
     m = jnp.sum(weight)

@@ -128,7 +128,8 @@ def check_line(line: str, where: str) -> None:
 
     **Arguments**
 
-    - `line`: begins with its number, 1 or 2. - `where`: the beginning of the message."""
+    - `line`: begins with its number, 1 or 2.
+    - `where`: the beginning of the message."""
     if len(line) < COLUMNS:
         raise InputError(f"{where}: it has {len(line)} columns and must have at least {COLUMNS}.")
     # First, because in a line that is shifted the fields are wrong in their turn.

@@ -174,8 +174,8 @@ def read_option(name: str, text: str, quantity: Quantity) -> float:
 
     **Arguments**
 
-    - `name`: of the value, for the message. - `quantity`: of the value, such as a positive length
-      for "10 m".
+    - `name`: of the value, for the message.
+    - `quantity`: of the value, such as a positive length for "10 m".
 
     **Raises** `InputError` for another kind of number."""
     try:

@@ -113,8 +113,8 @@ class Lagrangian(AbstractLagrangian):
     - `parameters`: any tree of numbers, each a scalar or (*runs,).
     - `forces`: Q(t, q, v, parameters), (n, *runs); `rayleigh`: D(t, q, v, parameters), W.
     - `fixed`: g(t, q, parameters), (m, *runs), holonomic constraints, kept at zero.
-    - `rolling`: c(t, q, v, parameters), (m, *runs), linear in v, nonholonomic constraints. -
-      `decay`: k, 1/s, decay rate of constraint errors: about the rate of the motion.
+    - `rolling`: c(t, q, v, parameters), (m, *runs), linear in v, nonholonomic constraints.
+    - `decay`: k, 1/s, decay rate of constraint errors: about the rate of the motion.
     - `redundant`: whether constraints may be dependent; the multipliers then have minimum norm.
 
     The invariants list the energy and the momenta of cyclic coordinates, which follow from L."""

@@ -137,8 +137,8 @@ class Minimum(HashedModule):
       the gradient is as small as the rounding of the objective allows (`StopReason.ROUNDED`).
     - `gradient_error`: the relative difference between the gradient and finite differences at the
       start; zero where it was not checked. Above 1e-3 the gradient is wrong.
-    - `reason`: why the search ended, a `StopReason`; `sentence()` explains it. -
-      `bound_multipliers`: the derivative of the objective with respect to each active bound, at the
+    - `reason`: why the search ended, a `StopReason`; `sentence()` explains it.
+    - `bound_multipliers`: the derivative of the objective with respect to each active bound, at the
       position of its unknown in x; about zero elsewhere.
     - `history`: objective, scaled violation and scaled gradient after each step, (rows, 3), NaN for
       steps not taken.

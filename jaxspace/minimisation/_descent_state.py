@@ -37,12 +37,14 @@ class Place(NamedTuple):
 class DescentState(NamedTuple):
     """State of the search between two steps.
 
-    - `q`, `here`: unconstrained variables (`_free_numbers.py`), and the values there. - `best`: the
-      point of the least exact penalty. - `step`: the last update, of which `trial` uses a `share`.
+    - `q`, `here`: unconstrained variables (`_free_numbers.py`), and the values there.
+    - `best`: the point of the least exact penalty.
+    - `step`: the last update, of which `trial` uses a `share`.
     - `multipliers`: of the augmented Lagrangian; `missed`: its violation at the start of the round
       and of the last one; `round_steps`: steps of this round.
-    - `optimiser`: the state of optax. - `still`: consecutive steps without change; `stopped`:
-      whether none will; `fastest`: the greatest ratio of a step and its gradient.
+    - `optimiser`: the state of optax.
+    - `still`: consecutive steps without change; `stopped`: whether none will; `fastest`: the
+      greatest ratio of a step and its gradient.
     - `left_out`: steps that were not finite; `refused`: the report of the last of them.
     - `averaging`: 1 where `trial` is the average of a schedule-free optimiser, 2 after it.
     - `start`: z at the start; `judged`, `judgements`: as in `SqpState`; `displaced`: 1 where
@@ -105,8 +107,8 @@ class Setting(NamedTuple):
     """The constants of a search.
 
     - `derivatives`: of the stacked values f, c, d in z, together with the values and the report;
-      `values`: the values only, whose derivative is the former. - `inside`: z of unconstrained
-      variables, or `None` without bounds.
+      `values`: the values only, whose derivative is the former.
+    - `inside`: z of unconstrained variables, or `None` without bounds.
     - `stepper`: the optimiser; `me`: the number of equalities; `constrained`: whether there are
       constraints; `check`: whether the gradient at the start is probed."""
 

@@ -60,8 +60,8 @@ def minimise(
       many constraints; or any optimiser of optax, such as `optax.adam(1e-2)` or `optax.lbfgs()`.
       Its rates are in sizes of the unknowns; constraints are met by multipliers (an augmented
       Lagrangian), and the best point is returned. Most require more steps than the default of
-      `max_steps`. - `bounds`: a pair of lower and upper bounds, each a pytree like `start`, a
-      number or `None`.
+      `max_steps`.
+    - `bounds`: a pair of lower and upper bounds, each a pytree like `start`, a number or `None`.
     - `tolerance`: for the gradient and for the violation, both scaled.
     - `max_steps`: the largest number of steps.
     - `check_gradient`: whether to compare the gradient at the start with the slope of the
@@ -69,16 +69,16 @@ def minimise(
       as near a singularity), and to raise an error if they differ; under `jit` the search ends
       there with the reason `WRONG_GRADIENT`.
     - `exact_hessian`: whether the quadratic programmes use exact second derivatives instead of
-      BFGS, for problems that are cheap to differentiate twice. - `scale`: typical sizes of the
-      unknowns, a pytree like `start`; by default the range of the bounds, or the larger of the
-      start and 1. Objective and constraints are scaled by their derivatives at the start.
-      Convergence is judged by those at the result, with which the search continues where the start
-      was much steeper.
+      BFGS, for problems that are cheap to differentiate twice.
+    - `scale`: typical sizes of the unknowns, a pytree like `start`; by default the range of the
+      bounds, or the larger of the start and 1. Objective and constraints are scaled by their
+      derivatives at the start. Convergence is judged by those at the result, with which the search
+      continues where the start was much steeper.
     - `progress`: called after each step with its number, objective, scaled violation and
       gradient; not under `jit`. Ctrl-C ends such a search with the best result so far, from its
       first step on.
-    - `store`: the path of a file in which the search saves its state; not under `jit`. - `resume`:
-      whether to continue from that file, if it exists, after an interrupted process: with
+    - `store`: the path of a file in which the search saves its state; not under `jit`.
+    - `resume`: whether to continue from that file, if it exists, after an interrupted process: with
       bit-identical steps.
     - `forward_ratio`: number of unknowns for each objective and constraint up to which derivatives
       are taken by forward mode, and beyond it by reverse mode; 0 for reverse mode.

@@ -140,8 +140,9 @@ def begin(
 
     **Arguments**
 
-    - `x`: scaled unknowns at the start; `size`: their scales. - `me`, `mi`: numbers of equalities
-      and inequalities. - `report`: a tree of the shapes of the report of the problem.
+    - `x`: scaled unknowns at the start; `size`: their scales.
+    - `me`, `mi`: numbers of equalities and inequalities.
+    - `report`: a tree of the shapes of the report of the problem.
     - `check`: whether the gradient is compared with differences first."""
     n = x.size
     rows = 1 + me + mi

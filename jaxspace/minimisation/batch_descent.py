@@ -144,7 +144,8 @@ def descend_by_batches(
     - `optimiser`: of optax, without a line search.
     - `max_steps`: the largest number of batches; `patience`: of how many the mean is compared.
     - `average`: the factor a, from 0 for the last iterate to below 1.
-    - `seed`: of the keys. - `store`: saves the state after each batch.
+    - `seed`: of the keys.
+    - `store`: saves the state after each batch.
 
     **Returns** the `BatchMinimum`; Ctrl-C ends the search with that of the last step.
 

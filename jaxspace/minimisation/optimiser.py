@@ -32,10 +32,10 @@ class Stepper(NamedTuple):
     """An optimiser of optax, as a search uses it.
 
     - `optimiser`: with extra arguments; `unravel`: converts a flat array to a pytree like the
-      unknowns, which is passed to optax, so that it can treat its parts differently. - `restarts`:
-      whether its state contains values or curvature of one function, which are invalid for the next
-      Lagrangian; moments and step counts continue. - `plateau`: whether it compares with a least
-      value, which also belongs to one Lagrangian.
+      unknowns, which is passed to optax, so that it can treat its parts differently.
+    - `restarts`: whether its state contains values or curvature of one function, which are invalid
+      for the next Lagrangian; moments and step counts continue.
+    - `plateau`: whether it compares with a least value, which also belongs to one Lagrangian.
     - `averages`: whether its optimum is at other parameters than those of the gradients."""
 
     optimiser: Any

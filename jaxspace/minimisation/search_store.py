@@ -34,8 +34,8 @@ class SearchStore:
     **Arguments**
 
     - `path`: of the file.
-    - `resume`: whether a search continues from an existing file. - `task`: description of the
-      search: a file of another task is rejected.
+    - `resume`: whether a search continues from an existing file.
+    - `task`: description of the search: a file of another task is rejected.
 
     **Raises** `InputError` for a file that exists where `resume` is false."""
 

@@ -29,9 +29,10 @@ def designs_page(
     **Arguments**
 
     - `path`: of the HTML file.
-    - `title`, `note`: subject of the page, and its runs. - `rows`: of the table, of which the first
-      has the names of the designs. - `sentences`: findings about them. - `figures`: by their
-      headings.
+    - `title`, `note`: subject of the page, and its runs.
+    - `rows`: of the table, of which the first has the names of the designs.
+    - `sentences`: findings about them.
+    - `figures`: by their headings.
 
     **Returns** the path.
     """

@@ -41,9 +41,10 @@ class Problem(NamedTuple):
 
     - `campaign`: from a design to its campaign.
     - `objective`, `constraints`: statistics of outputs, and limits of them.
-    - `normals`: the places of the runs (`fixed_normals`); `None` for the nominal run only. -
-      `accuracy`: of each run. - `may_fail`: the share of the runs that may fail. - `sign`: 1 to
-      minimise the objective, -1 to maximise it."""
+    - `normals`: the places of the runs (`fixed_normals`); `None` for the nominal run only.
+    - `accuracy`: of each run.
+    - `may_fail`: the share of the runs that may fail.
+    - `sign`: 1 to minimise the objective, -1 to maximise it."""
 
     campaign: CampaignOf
     objective: AbstractStatistic

@@ -76,8 +76,9 @@ def optimise_design(
     - `may_fail`: the share of the runs that may fail, from 0 on. They are left out of the
       statistics; the search turns back from a design at which more fail.
 
-    - `store`: the path of a file in which the search saves its state. - `resume`: whether to
-      continue from that file, if it exists, after an interrupted process: with bit-identical steps.
+    - `store`: the path of a file in which the search saves its state.
+    - `resume`: whether to continue from that file, if it exists, after an interrupted process: with
+      bit-identical steps.
 
     **Returns** a `DesignOptimum`. Ctrl-C ends the search with the best design so far.
 

@@ -47,9 +47,9 @@ def train_design(
     **Arguments**
 
     - `campaign`, `start`, `minimise`, `maximise`, `subject_to`, `accuracy`, `may_fail`: as in
-      `optimise_design`. A batch in which more runs fail is skipped. - `optimiser`: of optax, such
-      as `optax.adam(1e-3)`; a schedule, clipping or other parts of a chain are allowed, except for
-      line searches. Its rates are in sizes of the unknowns.
+      `optimise_design`. A batch in which more runs fail is skipped.
+    - `optimiser`: of optax, such as `optax.adam(1e-3)`; a schedule, clipping or other parts of a
+      chain are allowed, except for line searches. Its rates are in sizes of the unknowns.
     - `bounds`, `scale`: as in `optimise_design`; steps end at the bounds.
     - `batch`: number of runs of a step. A quantile is that of each batch.
     - `seed`: of the runs.

@@ -30,8 +30,8 @@ class Ellipsoid(NamedTuple):
 
     - `centre`: (d,).
     - `axes`: the semi-axes as columns, (d, d), the longest first.
-    - `probability`: the share of a normal distribution that it contains. - `inside`: the share of
-      the runs inside."""
+    - `probability`: the share of a normal distribution that it contains.
+    - `inside`: the share of the runs inside."""
 
     centre: np.ndarray
     axes: np.ndarray

@@ -49,8 +49,8 @@ class Store:
 
     - `folder`: where its files are: `path`, or a folder in it during a replacement.
     - `attributes`, `columns`: of the campaign, and of its arrays by name.
-    - `head_damage`: message about damage of the head; empty without any. - `damaged_arrays`: names
-      of the arrays whose metadata files differ from the head."""
+    - `head_damage`: message about damage of the head; empty without any.
+    - `damaged_arrays`: names of the arrays whose metadata files differ from the head."""
 
     def __init__(self, path: str | os.PathLike[str]):
         self.path = Path(path)

@@ -55,8 +55,8 @@ def accuracy_cost(
     - `gradient`: whether to measure the gradient of `output` with respect to the initial state.
     - `output`: a number of the final state; by default the sum of all its numbers, each over the
       length of its block.
-    - `repeats`: of every run, of which the median time is used; compilation is timed separately. -
-      `max_steps`: maximum number of steps of a run, as in `Accuracy`; the reference may use more.
+    - `repeats`: of every run, of which the median time is used; compilation is timed separately.
+    - `max_steps`: maximum number of steps of a run, as in `Accuracy`; the reference may use more.
 
     **Returns** an `AccuracyCost`: it can be printed and plotted (`plot`), and provides the
     `cheapest` setting. A tolerance that a precision cannot reach is left out and noted. A

@@ -40,8 +40,9 @@ class Reference(NamedTuple):
     - `name`: in words; empty where no run ends well.
     - `final`, `gradient`: the exact final state and gradient, as far as they are known.
     - `error`: an estimate of the error of `final`; NaN where there is none.
-    - `output`: the number whose gradient is computed. - `problem`: a message if there is none. -
-      `programs`: the programs compiled for it in double precision, by the name of the method: the
+    - `output`: the number whose gradient is computed.
+    - `problem`: a message if there is none.
+    - `programs`: the programs compiled for it in double precision, by the name of the method: the
       run, and the gradient if it is measured."""
 
     name: str

@@ -32,7 +32,8 @@ def cost_rows(
 
     **Arguments**
 
-    - `case`: the case, in this precision. - `name`, `method`: the method, and its name in tables.
+    - `case`: the case, in this precision.
+    - `name`, `method`: the method, and its name in tables.
     - `tolerances`: relative ones; `None` where the method has none.
     - `reference`: for the errors.
     - `repeats`: of the timed runs.

@@ -51,9 +51,9 @@ def effect_budget(
     - `output`: of the final state: the name of a part, such as "position", "velocity", "attitude"
       (its change is an angle), "omega" or "mass"; a function of the final state; or one that
       `core.output` has declared, of the final state `y`, its time `t` and parts of it by their
-      names. By default the first part of the state. - `tolerance`: acceptable change of the output,
-      in its unit. With it, the effects that may be left out are found, from the least on, and a run
-      of exactly the others confirms it.
+      names. By default the first part of the state.
+    - `tolerance`: acceptable change of the output, in its unit. With it, the effects that may be
+      left out are found, from the least on, and a run of exactly the others confirms it.
     - `accuracy`: of the runs. Influences below the error of the integration are not resolved; a run
       at a hundredth of the tolerance, or with twice as many fixed steps, shows that error.
     - `repeats`: of the timed runs.

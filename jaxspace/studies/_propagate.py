@@ -82,8 +82,8 @@ def propagate_covariance(
     - `covariance`: that of the initial state, (n, n), in the coordinates of `Sensitivity.rows`;
       zero by default.
     - `noise`: the spectral density Q of the process noise, (n, n), per s, or a function of the time
-      and the state; for a mission common to all phases, or a list with one for each. - `batch`:
-      whether the last axis is the batch axis, as in `simulate_batch`; `in_axes` as there.
+      and the state; for a mission common to all phases, or a list with one for each.
+    - `batch`: whether the last axis is the batch axis, as in `simulate_batch`; `in_axes` as there.
     - `accuracy`: as in `simulate`.
     - `events`, `dense`: as in `simulate`, of a system; an event here reads a `MeanCovariance`.
     - `num_saved`: as in `simulate_mission`, of a mission.

@@ -83,7 +83,8 @@ def scaled_runs(
 
     **Arguments**
 
-    - `system`, `y0`, `ts`: of the runs. - `output`: of the end of a run.
+    - `system`, `y0`, `ts`: of the runs.
+    - `output`: of the end of a run.
     - `accuracy`: of the runs; its tolerance may be tightened later.
     - `names`: of the effects, in the order of their factors.
     - `signless`: whether an output and its negative are the same.

@@ -93,9 +93,10 @@ def verify(
 
     **Arguments**
 
-    - `system`, `y0`: the system, and a state with representative motion, in float64. - `duration`:
-      s; short enough that errors do not grow too far. - `tolerance`: allowed deviation of each run,
-      relative to the size of each block. The field is held to rounding.
+    - `system`, `y0`: the system, and a state with representative motion, in float64.
+    - `duration`: s; short enough that errors do not grow too far.
+    - `tolerance`: allowed deviation of each run, relative to the size of each block. The field is
+      held to rounding.
     - `accuracy`: of the runs; by default 1e-11 with the method that `simulate` chooses.
     - `seed`: of the random directions and neighbours.
 
