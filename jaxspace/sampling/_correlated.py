@@ -51,30 +51,46 @@ def _shown(numbers: ArrayLike) -> str:
     return "[" + ", ".join(map(_shown, x)) + "]"
 
 
+def _check_rows(name: str, matrix: Array, mean: Array) -> None:
+    if jnp.ndim(matrix) != 2 or jnp.shape(matrix)[:1] != jnp.shape(mean):
+        raise InputError(
+            f"MultivariateNormal.{name} has the shape {jnp.shape(matrix)}: it must have one row "
+            f"per component of the mean, whose shape is {jnp.shape(mean)}."
+        )
+
+
 @final
 @printed()
 class MultivariateNormal(AbstractJoint):
-    """Normal numbers with a covariance.
+    """Jointly normal numbers: `MultivariateNormal(mean, covariance)`, as in NumPy and SciPy.
 
-    - `centre`: their mean, (n,).
-    - `factor`: S, (n, k), with the covariance S S^T; `from_covariance` accepts the matrix
-      itself."""
+    **Arguments**
 
-    centre: Float[Array, " n"] = eqx.field(converter=as_float)
-    factor: Float[Array, "n k"] = eqx.field(converter=as_float)
+    - `mean`: (n,).
+    - `covariance`: (n, n), symmetric and positive semidefinite.
 
-    def __check_init__(self):
-        if jnp.ndim(self.factor) != 2 or jnp.shape(self.factor)[:1] != jnp.shape(self.centre):
-            shapes = jnp.shape(self.factor), jnp.shape(self.centre)
-            raise InputError(
-                f"MultivariateNormal.factor has the shape {shapes[0]}: it must have one row per "
-                f"component of the mean, whose shape is {shapes[1]}."
-            )
+    `MultivariateNormal.from_factor` accepts a factor S of the covariance S S^T instead. The fields
+    are the mean `centre` and the `factor`, (n, k).
+
+    **Raises** `InputError` for a covariance that is not square, finite, symmetric and positive
+    semidefinite, and for one whose size differs from that of the mean."""
+
+    centre: Float[Array, " n"]
+    factor: Float[Array, "n k"]
+
+    def __init__(self, mean: ArrayLike, covariance: ArrayLike):
+        self.centre = as_float(mean)
+        self.factor = as_float(factor_of("MultivariateNormal.covariance", covariance))
+        _check_rows("covariance", self.factor, self.centre)
 
     @classmethod
-    def from_covariance(cls, mean: ArrayLike, covariance: ArrayLike) -> "MultivariateNormal":
-        """Build the distribution from the `mean`, (n,), and the `covariance`, (n, n)."""
-        return cls(as_float(mean), as_float(factor_of("covariance", covariance)))
+    def from_factor(cls, mean: ArrayLike, factor: ArrayLike) -> "MultivariateNormal":
+        """Build the distribution from the `mean`, (n,), and a `factor` S, (n, k), of the covariance
+        S S^T."""
+        centre, given = as_float(mean), as_float(factor)
+        _check_rows("factor", given, centre)
+        independent = cls(centre, np.eye(centre.size))
+        return eqx.tree_at(lambda d: d.factor, independent, given)
 
     @property
     def size(self) -> int:

@@ -229,7 +229,7 @@ def correlated(factor):
 
 
 def normal_pair(mean, covariance):
-    joint = MultivariateNormal.from_covariance([2.0, mean], np.diag([0.01, covariance]))
+    joint = MultivariateNormal([2.0, mean], np.diag([0.01, covariance]))
     return Campaign(swing, joint.inputs("w", "x0"), last, CAMPAIGN.units)
 
 

@@ -211,7 +211,7 @@ def test_moments_of_inputs_that_are_cut_or_correlated():
     variance = 1.0 - 2.0 * norm.pdf(1.0) / (2.0 * norm.cdf(1.0) - 1.0) + 9.0 / 3.0
     # The trapezoidal rule in z, whose integrand is smooth: far better than what is asked.
     assert moments(Campaign(build, cut, outputs)).std("x") ** 2 == pytest.approx(variance, rel=1e-9)
-    joint = MultivariateNormal.from_covariance([1.0, 0.0], [[4.0, -0.9], [-0.9, 0.25]])
+    joint = MultivariateNormal([1.0, 0.0], [[4.0, -0.9], [-0.9, 0.25]])
     together = Campaign(build, joint.inputs("x0", "v0"), outputs)
     expected = 4.0 + 9.0 * 0.25 - 6.0 * 0.9
     for method in ("lincov", "unscented"):
@@ -365,7 +365,7 @@ def test_sobol_indices_leave_out_what_is_not_finite():
 
 
 def test_sobol_indices_of_too_many_inputs():
-    many = MultivariateNormal(np.zeros(2), np.ones((2, 10601)))
+    many = MultivariateNormal.from_factor(np.zeros(2), np.ones((2, 10601)))
     with pytest.raises(InputError, match="Sobol points with 21202 dimensions are required"):
         sobol_indices(Campaign(build, many.inputs("x0", "v0"), outputs), 2)
 

@@ -113,7 +113,7 @@ def test_a_cone_of_directions():
 
 def test_correlated_inputs(key):
     covariance = np.array([[4.0, -0.9], [-0.9, 0.25]])
-    joint = MultivariateNormal.from_covariance([1.0, -1.0], covariance)
+    joint = MultivariateNormal([1.0, -1.0], covariance)
     campaign = drawn(joint.inputs("b", "a") | {"c": Normal(0.0, 1.0)})
     x = campaign.samples(key, jnp.arange(40000))
     found = np.cov(np.stack([x["b"], x["a"], x["c"]]))
@@ -125,8 +125,14 @@ def test_correlated_inputs(key):
     y = drawn(copula.inputs("u", "v")).samples(key, jnp.arange(40000))
     expected = 6.0 / np.pi * np.arcsin(0.4)  # Spearman's for a normal correlation of 0.8
     assert scipy.stats.spearmanr(y["u"], y["v"])[0] == pytest.approx(expected, abs=0.02)
+    # The same arguments as those of NumPy, and a factor by its own name.
+    np.testing.assert_allclose(joint.covariance, covariance, rtol=1e-12)
+    factor = np.array([[2.0, 0.0], [-0.45, 0.5]])
+    wide = MultivariateNormal.from_factor([1.0, -1.0], factor)
+    np.testing.assert_allclose(wide.covariance, factor @ factor.T, rtol=1e-12)
+    np.testing.assert_allclose(wide.from_normal(jnp.ones(2)), [3.0, -0.95], rtol=1e-12)
     # A singular covariance is a law between the inputs.
-    rigid = MultivariateNormal.from_covariance([0.0, 0.0], [[1.0, 2.0], [2.0, 4.0]])
+    rigid = MultivariateNormal([0.0, 0.0], [[1.0, 2.0], [2.0, 4.0]])
     draw = rigid.from_normal(jnp.array([0.3, -1.2]))
     assert float(draw[1]) == pytest.approx(2.0 * float(draw[0]), rel=1e-7)
 
@@ -195,7 +201,9 @@ def test_a_mean_over_even_points_is_nearer(key):
         (lambda: ConeDirection(jnp.zeros(3), 0.1), "ConeDirection.vector"),
         (lambda: ConeDirection(jnp.ones(3), 4.0), "ConeDirection.half_angle"),
         (lambda: ConeDirection(jnp.ones(3)).inputs("a", "b"), "2 names are given for 3"),
-        (lambda: MultivariateNormal.from_covariance([0.0, 0.0], [[1.0, 2.0], [2.0, 1.0]]), "eigen"),
+        (lambda: MultivariateNormal([0.0, 0.0], [[1.0, 2.0], [2.0, 1.0]]), "eigen"),
+        (lambda: MultivariateNormal([0.0], np.eye(2)), "covariance has the shape"),
+        (lambda: MultivariateNormal.from_factor([0.0], np.ones((2, 1))), "factor has the shape"),
         (lambda: Correlated.of((Normal(0.0, 1.0),) * 2, [[1.0, 0.5], [0.4, 1.0]]), "symmetric"),
         (lambda: LatinHypercube(0), "LatinHypercube.runs"),
     ],

@@ -98,8 +98,8 @@ def read_correlated(
                 )
         mean = np.array([float(numbers[path]) for path in paths])
         if name == "covariance":
-            return MultivariateNormal.from_covariance(mean, matrix)
-        return MultivariateNormal(mean, np.asarray(matrix, float))  # type: ignore[arg-type]
+            return MultivariateNormal(mean, matrix)
+        return MultivariateNormal.from_factor(mean, np.asarray(matrix, float))
 
     return _together(f"{key}.{name}", make, paths, numbers)
 
