@@ -36,7 +36,8 @@ class Beginning(NamedTuple):
 
     @classmethod
     def of(cls, loop: LoopState) -> "Beginning":
-        """Of the next step. A run that waits at its event takes the step that holds it again."""
+        """State of the next step. A run that waits at its event repeats the step that contains
+        it."""
         going, location = loop.going, loop.location
         # A step of no length, so that the state of a run that has ended stays as it is.
         length = jnp.where(going, loop.t_next - loop.t, 0.0)
@@ -120,7 +121,7 @@ def carries(settings: LoopSettings) -> bool:
 def carried_on(
     settings: LoopSettings, loop: LoopState, step: Attempt, accept: Array, length: Array
 ) -> PyTree:
-    """What the method carries into the next step, of this `length`."""
+    """The carry of the method for the next step, of this `length`."""
     if not carries(settings):
         return None
     old = jax.tree.map(

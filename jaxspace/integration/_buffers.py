@@ -66,7 +66,7 @@ class SavedStates(NamedTuple):
 
 
 class Buffers(NamedTuple):
-    """What a loop fills as it goes on, each where it is requested.
+    """The buffers that a loop fills, each if requested.
 
     - `saved`: the states at the save times.
     - `step_ends`, `step_states`: ends of the accepted steps, and the states there.

@@ -3,7 +3,7 @@
 Its adjoints integrate again backwards, by another program, whose last digits are rounded
 differently. If the error estimates chose the steps there as well, these would end at other times
 than the steps of the run, and the derivatives would be wrong. The steps are therefore chosen once,
-without derivatives, and diffrax takes them as a plan.
+without derivatives, and passed to diffrax as a plan.
 """
 
 import dataclasses

@@ -4,9 +4,9 @@ initial states.
     e >= 1/2 in half of the sampled runs, at least one revolution of each, and at most eight
     saved states in a revolution
 
-The orbit is the osculating one about the attracting point. On rounder orbits steps in time take as
-many evaluations or fewer, and where many states are saved their dense output is cheaper than a
-landing on each.
+The orbit is the osculating one about the attracting point. On less eccentric orbits steps in time
+need no more evaluations, and where many states are saved their dense output is cheaper than landing
+on each.
 
     e^2 = (1 - |r|/A)^2 + (r . v)^2/(mu A)
 
@@ -50,7 +50,7 @@ def is_eccentric(starts: InitialConditions, system: AbstractSystem) -> bool:
 
 
 def _in_half(holds: np.ndarray) -> bool:
-    """Whether it holds in at least half of the runs."""
+    """Whether it applies to at least half of the runs."""
     return bool(2 * np.count_nonzero(holds) >= holds.size)
 
 

@@ -1,7 +1,7 @@
 """The zero of a condition between two samples, by Newton's method within a bracket.
 
 In a dip, where the condition has one sign at both samples, the extremum is sought first, by the
-secant of the slopes. As soon as a point beyond zero is found, the search goes on as elsewhere. It
+secant of the slopes. As soon as a point beyond zero is found, the search continues as elsewhere. It
 ends without a zero where neither tangent at the ends of the bracket reaches zero within it. Of a
 dip that is |x|^p with p >= 1/2, such as a corner or a parabola, one tangent does as long as the
 bracket holds a zero.

@@ -1,9 +1,9 @@
 """The first event of each run, located by the steps of the run itself.
 
-Each accepted step is searched by its dense output (`_step_zero`). A run whose event lies in the
-step repeats it in the following passes with a shorter length, until Newton's method has brought the
-condition at its end to zero, and waits there. A state at an event is thus the end of a step, and
-the program holds the vector field once.
+Each accepted step is searched by its dense output (`_step_zero`). A run whose event is in the step
+repeats it in the following passes with a shorter length, until Newton's method has brought the
+condition at its end to zero, and waits there. A state at an event is therefore the end of a step,
+and the program contains the vector field once.
 
     x_{k+1} = x_k - g / (dg/ds)            x: length of the last step, normalised time
 
@@ -67,8 +67,8 @@ class SoughtEvents(eqx.Module):
 class Location(NamedTuple):
     """State of the search for the first event of each run.
 
-    - `waiting`: whether the run waits at the step that holds its event; `which`: the number of the
-      event, or -1 for a run that has ended for another reason, given by its `status`.
+    - `waiting`: whether the run waits at the step that contains its event; `which`: the number of
+      the event, or -1 for a run that has ended for another reason, given by its `status`.
     - `start`, `y0`: the normalised time and the state at which that step begins; `whole`: its
       length; `length`: that up to the event; `y`: the state there.
     - `sizes`: the largest value of each condition so far.
@@ -171,8 +171,8 @@ class LocatedEvents(NamedTuple):
     def met(self, y: State) -> State:
         """The state `y` of a second run to the event, with the numbers that the search met there.
 
-        Two runs differ by the tolerance, and what jumps at the event must not have jumped yet: the
-        rate beyond it does not determine the time. The derivatives stay those of `y`."""
+        Two runs differ by the tolerance, and discontinuities at the event must not have occurred
+        yet: the rate beyond it does not determine the time. The derivatives stay those of `y`."""
         if self.state is None:
             return y
         fixed = jax.lax.stop_gradient

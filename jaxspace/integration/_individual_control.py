@@ -1,4 +1,4 @@
-"""Step-size control where every run takes its own steps.
+"""Step-size control with individual steps for every run.
 
 From the error of a step follows its ideal length, at which the error is just the allowed one. Along
 an orbit this length is proportional to a power of a scale of the motion, such as the distance from
@@ -8,7 +8,7 @@ the centre, which the unperturbed motion predicts for the next step:
     p = sum x y / sum x^2               x, y: change of log b and of log h_ideal, step by step
 
 Steps thus shorten before a periapsis is reached, and lengthen after it. The power p is close to one
-where a perturbation acts at the periapsis alone, and zero where all steps are equal. Logarithm and
+where a perturbation acts at the periapsis only, and zero where all steps are equal. Logarithm and
 power are rational approximations, whose error the control corrects at the next step.
 
     symbol  meaning

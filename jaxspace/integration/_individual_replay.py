@@ -1,4 +1,4 @@
-"""Derivatives along the recorded steps of runs that each take their own steps.
+"""Derivatives along the recorded steps of runs with individual steps.
 
 As in `_replay.py`, but a record holds the length of the step of every run instead of the ends of
 common steps. These lengths have no derivatives; the landing at the end of a segment corrects for
@@ -23,7 +23,7 @@ from ._rows import get_rows, put_rows
 
 @final
 class IndividualReplay(Replay):
-    """The recorded steps of runs with their own steps; fields as of `Replay`."""
+    """The recorded steps of runs with individual steps; fields as in `Replay`."""
 
     def _landed(self, n: Array) -> Array:
         return self.record.step(n)[1] > 0.5

@@ -1,4 +1,4 @@
-"""State of a loop in which every run takes its own steps, and the rows that its runs fill."""
+"""State of a loop with individual steps for every run, and the rows that its runs fill."""
 
 import functools
 from typing import NamedTuple, final

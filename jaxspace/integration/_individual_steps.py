@@ -1,8 +1,8 @@
-"""The loop of an integration in which every run takes its own steps, in regularised variables.
+"""The integration loop with individual steps for every run, in regularised variables.
 
-In a pass of the loop, each run that is not yet at its end takes one step, accepted or rejected, of
-its own length. Runs of a block that are at different places of their orbits thus do not slow each
-other down. Each run lands on the end of every segment, and then begins the next one.
+In an iteration of the loop, each unfinished run makes one step, accepted or rejected, of individual
+length. Runs of a block that are at different places of their orbits thus do not slow each other
+down. Each run lands on the end of every segment, and then begins the next one.
 """
 
 from typing import NamedTuple
@@ -167,7 +167,7 @@ def _attempted(
     loop: IndividualLoop,
     moving: Bool[Array, "*runs"],
 ) -> _Step:
-    """The next step of the runs that are `moving`, and one of no length of the others."""
+    """The next step of the runs that are `moving`, and one of zero length for the others."""
     y = loop.y
     h = jnp.where(moving, loop.h, 0.0)
     z1, error, rate = attempt(form, *segment, y.z, h)

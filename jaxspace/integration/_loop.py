@@ -1,8 +1,8 @@
-"""The loop of an integration: every run goes on by its own steps to its own end.
+"""The integration loop: every run proceeds with individual steps to its individual end.
 
-In a pass each run takes one step, accepted or rejected, of its own length: the method steps from 0
-to 1, of which every run takes its own part (`StepTimes`). What a run does thus does not depend on
-its neighbours. Runs that take planned steps share their times.
+In an iteration each run makes one step, accepted or rejected, of individual length: the method
+steps from 0 to 1, which every run maps to its time interval (`StepTimes`). A run therefore does not
+depend on its neighbours. Runs that take planned steps share their times.
 
 diffrax's own loop does the same work for one run. This one is traced once where diffrax's is traced
 three times, which halves the first call, and it records the steps for derivatives (`_record.py`).

@@ -28,8 +28,8 @@ class LoopSettings(eqx.Module):
     - `lengths`: of the segments, as fractions of the run.
     - `longest_steps`: the longest step allowed in each segment, in normalised time.
     - `save_ts`: the normalised times at which states are saved; `None` saves the last one.
-    - `plan`: the nodes of steps that are fixed beforehand: of a fixed-step method, or as diffrax's
-      loop takes them after ours has chosen them.
+    - `plan`: the nodes of steps that are fixed beforehand: of a fixed-step method, or those of
+      diffrax's loop, chosen beforehand by this package's loop.
     - `reach`: normalised times between which all segments of nonzero length lie; `None` for the
       whole run.
     - `record_steps`, `dense`: whether to return the ends of the steps, and the states there.

@@ -1,4 +1,4 @@
-"""What the loop of an integration carries from pass to pass."""
+"""The carry of the integration loop."""
 
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ class LoopState(NamedTuple):
     """Carry of the loop. Times are normalised, those of each run or of all together.
 
     - `t`, `t_next`: the time reached, and the proposed end of the next step.
-    - `carried`: what the method carries into the next step; `worst`: the largest local error of
+    - `carried`: carry of the method into the next step; `worst`: the largest local error of
       each run, in units of the tolerance.
     - `jumped`: whether the vector field jumped at `t`, so that the solver starts again.
     - `count`: number of the passes in which a run moved; `going`: whether a run takes a further
@@ -48,8 +48,8 @@ class LoopState(NamedTuple):
     outside: Bool[Array, "*runs"] | None = None
 
     def going_on(self, settings: LoopSettings) -> "LoopState":
-        """With the runs that take a further step: those that have not reached their end, nor
-        failed, nor wait at their event."""
+        """Update of the runs that continue: those that have not reached their end, not failed, and
+        do not wait at their event."""
         going = settings.tolerance.alive(self.y)
         if self.location is not None:
             going = going & ~self.location.waiting
@@ -64,7 +64,7 @@ class LoopState(NamedTuple):
         return self._replace(going=going, jumped=self.jumped & going)
 
     def unfinished(self) -> Bool[Array, ""]:
-        """Whether a run takes a further step, or repeats the one that holds its event."""
+        """Whether a run makes a further step, or repeats the one that contains its event."""
         going = jnp.any(self.going)
         return going if self.location is None else going | jnp.any(self.location.again)
 

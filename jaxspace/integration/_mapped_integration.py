@@ -1,8 +1,8 @@
-"""Mapped runs that are no batch, as one integration.
+"""Mapped runs that are not a batch, as one integration.
 
-A field that does not keep to the layout of the library, such as that of a user's function, is
-mapped by JAX. As one `MappedIntegration` the mapped runs remain a primitive, whose loops have both
-modes of differentiation.
+A field that does not follow the layout of the library, such as that of a user's function, is mapped
+by JAX. As one `MappedIntegration` the mapped runs remain a primitive, whose loops have both modes
+of differentiation.
 """
 
 from collections.abc import Callable
@@ -56,7 +56,7 @@ class MappedIntegration(eqx.Module):
         return cls(jax.tree.unflatten(structure, arrays), axes, size)
 
     def with_tangents(self, given: Tangents) -> "MappedIntegration":
-        """As of an `Integration`."""
+        """As in `Integration`."""
         return MappedIntegration(self.each.with_tangents(given), self.axes, self.size)
 
     @property
@@ -90,13 +90,13 @@ class MappedIntegration(eqx.Module):
     def run(
         self, moving: Moving | None = None, *, small: bool = False
     ) -> tuple[Outcome, Record | None]:
-        """As of an `Integration`, with the runs on the first axis."""
+        """As in `Integration`, with the runs on the first axis."""
         return self._mapped(lambda each: each.run(moving, small=small), ())
 
     def forward(
         self, record: Record, given: Tangents, recorded: bool = False
     ) -> tuple[State, Array | None]:
-        """As of an `Integration`."""
+        """As in `Integration`."""
         moving = jax.tree.map(lambda _, d: d is not None, (self.field, self.y0), given)
         axes = (eqx.if_array(0), self._axes_of(moving))
         return self._mapped(
@@ -104,7 +104,7 @@ class MappedIntegration(eqx.Module):
         )
 
     def backward(self, record: Record, moving: Moving, cotangents: State) -> Tangents:
-        """As of an `Integration`: of an array that the runs share the sum of its cotangents."""
+        """As in `Integration`: for an array shared by the runs, the sum of its cotangents."""
 
         def leaf(moves: bool, axis: int | None, x: Array | None) -> Array | None:
             return jnp.sum(x, 0) if moves and axis is None and x is not None else x

@@ -1,4 +1,4 @@
-"""One pass of the loop: a step of each run, and what it changes.
+"""One iteration of the loop: a step of each run, and its effects.
 
 A rejected step changes nothing but the length of the next one.
 """
@@ -107,7 +107,7 @@ def _shared_error(settings: LoopSettings, error: Array, going: Array) -> Array:
 def _limiting(
     settings: LoopSettings, loop: LoopState, error: Array, accept: Bool[Array, "*runs"]
 ) -> Array:
-    """How many of the accepted steps each run has limited, where they share them."""
+    """The number of accepted steps limited by each run, where they are shared."""
     if settings.sharing is None:
         return loop.limiting
     largest = jnp.max(jnp.where(loop.going, error, 0.0))
@@ -116,7 +116,7 @@ def _limiting(
 
 
 def _following(settings: LoopSettings, loop: LoopState, error: Array) -> Following:
-    """What follows a step of each run, by the control or by the plan."""
+    """The next step of each run, from the control or the plan."""
     if settings.plan is None:
         order = error_order(settings)
         controller = settings.controller()
@@ -134,8 +134,8 @@ def _following(settings: LoopSettings, loop: LoopState, error: Array) -> Followi
 class Stop(NamedTuple):
     """A step of each run that may hold its event.
 
-    - `location`: of the events; `y1`: the state at the end of the step, NaN beyond an event, for
-      there the field may jump.
+    - `location`: of the events; `y1`: the state at the end of the step, NaN beyond an event,
+      because the field may jump there.
     - `counts`: whether the error of the step counts: of a run that waits that of the step alone
       that ends at its event."""
 

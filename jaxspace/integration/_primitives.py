@@ -205,8 +205,8 @@ def _hessian_product(
 
         d/de cotangent(p + e a, y*) = d/dp (y* . tangent(p, a))
 
-    This is the transpose of the derivatives of both: second derivatives are symmetric. It contains
-    what the tangents of the record transmit, which therefore get no cotangents."""
+    This is the transpose of the derivatives of both: second derivatives are symmetric. It includes
+    the contribution of the tangents of the record, which therefore have no cotangents."""
     run, record = fixed
 
     def one(direction: Tangents, cotangents: State) -> Tangents:
@@ -260,7 +260,7 @@ def _linear_jvp(primitive: Primitive, program: Program) -> Program:
 
 @eqxi.filter_primitive_jvp
 def _derivative_jvp(primals: Arguments, tangents: Arguments) -> tuple[PyTree, PyTree]:
-    """By JAX's own rules."""
+    """Using the rules of JAX."""
     function, *values, like, _ = primals
     # Counters have no derivative that `jax.jvp` would take.
     moves = eqx.filter(tuple(tangents[1:3]), eqx.is_inexact_array)

@@ -5,9 +5,9 @@ Both are stored in one array, from opposite ends:
     state, state, state, ...                                       ..., step 2, step 1, step 0
 
 The states are those after every `stride`-th step, where the stride is one at first. When the array
-is full, every second state is dropped, and the stride doubles. The array thus has room for all
-steps that a run may take, and stays small enough that the derivative of a short run does not spend
-its time on filling and copying it.
+is full, every second state is dropped, and the stride doubles. The array therefore has capacity for
+all steps of a run, and is small enough that the derivative of a short run is not dominated by
+filling and copying it.
 """
 
 import math
@@ -23,13 +23,12 @@ from jaxtyping import Array, Bool, Float, Int
 from ..core import InputError, State
 
 RECORD_BYTES = 3 * 2**16
-"""Size of a record, unless the steps alone need more. A larger one takes longer to fill and to move
-than the steps between two states take to be computed again."""
+"""Size of a record, unless the steps alone need more. Filling and moving a larger one takes longer
+than recomputing the steps between two states."""
 
 SHORT = 2**16
-"""Numbers of steps of each run for which a record has room: more of them are more than a block of
-runs keeps in the cache. Runs that take more steps are repeated with steps that all of them share,
-of which one number each is recorded."""
+"""Capacity of a record in steps per run: more of them exceed the cache for a block of runs. Runs
+with more steps are repeated with shared steps, of which one number each is recorded."""
 
 FEWEST_ROWS = 512
 """Least number of steps of each run with room, in the large blocks of accelerators."""
@@ -38,7 +37,8 @@ FEWEST_STATES = 4
 """Number of states for which the record has space beside all steps."""
 
 SHARE = 0.5
-"""Share of the memory for recorded steps: a derivative holds the record and its source at once."""
+"""Share of the memory for recorded steps: a derivative has the record and its source in memory
+simultaneously."""
 SMALL = 2**28
 """Bytes that any machine has: below this the memory is not checked."""
 
@@ -218,7 +218,7 @@ class Record(eqx.Module):
 
 
 def check_memory(what: str, steps: int, per_step: int) -> None:
-    """Raise `InputError` if the records of all steps take more than `SHARE` of the memory.
+    """Raise `InputError` if the records of all steps exceed the fraction `SHARE` of the memory.
 
     **Arguments**
 

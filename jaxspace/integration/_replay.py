@@ -4,11 +4,11 @@
     forwards   (y_{n+1}', d_n') = d(step)/d(p, y_n) (p', y_n')
     backwards  (p*, y_n*) = (p*, 0) + [y_{n+1}*, d_n*] d(step)/d(p, y_n)
 
-If the steps were chosen again, a difference of one rounding could lead to other steps, and the
-derivative would belong to no run (observed: an error as large as the derivative itself, over a
-thousand steps). The ends of the accepted steps are therefore recorded, with as many states as the
-buffer holds. Backwards, the steps between two of these checkpoints are repeated in chunks, whose
-states are all in memory at once.
+If the steps were chosen again, a rounding difference could lead to other steps, and the derivative
+would not belong to any run (observed: an error as large as the derivative itself, over a thousand
+steps). The ends of the accepted steps are therefore recorded, with as many states as fit into the
+buffer. Backwards, the steps between two of these checkpoints are repeated in chunks, whose states
+are all in memory at once.
 """
 
 from collections.abc import Callable
@@ -35,7 +35,7 @@ from .normalised_time import field_of_part
 
 CHUNK = 32
 """Number of steps whose states are in memory at once: more of them exceed the cache, and with fewer
-of them short runs take more steps twice."""
+of them short runs recompute more steps."""
 
 # The vector field of which reverse mode stores the arguments alone. Its intermediate values take
 # longer to write and to read back than to compute, because a step holds all of its stages at once;
@@ -62,7 +62,7 @@ class Replay(eqx.Module):
     - `settings`: those of the run. `record`: its steps.
     - `fixed`: the part of the field that is not differentiated.
     - `small`: whether the steps are a small program (`small_program`).
-    - `step_once`: whether the program of reverse mode holds a step once."""
+    - `step_once`: whether the program of reverse mode contains a step once."""
 
     settings: LoopSettings
     fixed: PyTree
@@ -232,7 +232,7 @@ class Replay(eqx.Module):
     ) -> tuple[PyTree, State]:
         """The cotangents before a segment of `length` steps from number `first` and state `y`.
 
-        The buffer holds the states at the start of each chunk, then those within one chunk."""
+        The buffer contains the states at the start of each chunk, then those within one chunk."""
         chunks = -(-length // CHUNK)
         single = chunks == 1
 
@@ -276,7 +276,7 @@ class Replay(eqx.Module):
     ) -> State:
         """The buffer filled, from row `to` on, with `count` states that are `apart` steps apart.
 
-        The first is `y`, before step `n`. The last row of the buffer takes the states between
+        The first is `y`, before step `n`. The last row of the buffer receives the states between
         them."""
         buffer = put_row(buffer, to, y)
         if self.record.layout.longest == 1:
@@ -302,7 +302,7 @@ class Replay(eqx.Module):
         n: Array,
         counts: tuple[Array, Array, Array],
     ) -> tuple[PyTree, State]:
-        """`_fill`, then the cotangents of `back` steps, by one loop whose program holds a step
+        """`_fill`, then the cotangents of `back` steps, with one loop whose program contains a step
         once.
 
         A large step compiles sooner this way, although it is also linearised in the part that

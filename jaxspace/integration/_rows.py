@@ -1,5 +1,5 @@
-"""Rows of arrays, rows first and runs last, which the runs read and write each at a place of its
-own."""
+"""Rows of arrays, rows first and runs last, which the runs read and write at individual
+positions."""
 
 import jax
 import jax.numpy as jnp
@@ -31,8 +31,8 @@ def put_row(rows: PyTree, index: Int[Array, ""], row: PyTree) -> PyTree:
 
 
 def put_rows(rows: State, index: Int[Array, "*runs"], due: Bool[Array, "*runs"], y: State) -> State:
-    """Rows of states, rows first and runs last, with the state of each run that is `due` in its
-    own row `index`. Where the runs share the index, in that row, which is written in any case."""
+    """Rows of states, rows first and runs last, with the state of each run that is `due` in its row
+    `index`. Where the runs share the index, in that row, which is written in any case."""
     if index.ndim == 0:
         return put_row(rows, index, y)
     runs = index.size

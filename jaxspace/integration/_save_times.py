@@ -1,8 +1,8 @@
 """Derivatives of saved states with respect to the times at which they are saved.
 
-The loop saves at normalised times s, which its derivatives hold fixed. The time t(s) depends on the
-ends of the segments, and the requested time t on the save times and on the duration of the run. The
-state at t that was saved at t(s) is
+The loop saves at normalised times s, which are constant in its derivatives. The time t(s) depends
+on the ends of the segments, and the requested time t on the save times and on the duration of the
+run. The state at t that was saved at t(s) is
 
     y(t) = y(t(s)) + integral of f from t(s) to t
 

@@ -1,4 +1,4 @@
-"""Selection of the method for `"auto"`: the method of the first rule that holds.
+"""Selection of the method for `"auto"`: the method of the first applicable rule.
 
 A method for second-order systems is selected only if the traced vector field proves that it
 applies: the rate of the position is the velocity itself, and the acceleration does not depend on
@@ -55,8 +55,8 @@ class Rule(NamedTuple):
 
 @once_per_structure
 def is_second_order(system: AbstractSystem, y: PyTree) -> bool:
-    """Whether the state is a position and a velocity alone, and the acceleration provably
-    independent of the velocity."""
+    """Whether the state consists of a position and a velocity only, and the acceleration is
+    provably independent of the velocity."""
     # The methods for second-order systems take no other block, such as a mass or an attitude.
     parts = parts_of(y)
     if parts is None:
@@ -135,7 +135,7 @@ def select_method(
     *,
     starts: Callable[[], InitialConditions | None] | None = None,
 ) -> diffrax.AbstractSolver | typing.Literal["closed_form"]:
-    """The method for `"auto"`: that of the first of the `RULES` that holds.
+    """The method for `"auto"`: that of the first applicable one of the `RULES`.
 
     **Arguments**
 
@@ -156,7 +156,7 @@ def select_method(
 def _known_start(
     system: AbstractSystem, y0: PyTree, ts: ArrayLike | Sequence[float] | None
 ) -> Callable[[], InitialConditions] | None:
-    """What returns a single run; `None` where its numbers are unknown."""
+    """A function that returns a single run; `None` where its numbers are unknown."""
     if ts is None:
         return None
     leaves = jax.tree.leaves((system, y0, ts))
@@ -171,7 +171,7 @@ def eligible_methods(
     rtols: Sequence[float],
     ts: ArrayLike | Sequence[float] | None = None,
 ) -> tuple[diffrax.AbstractSolver | typing.Literal["closed_form"], ...]:
-    """The methods of all `RULES` that hold at one of the tolerances, not only of the first one.
+    """The methods of all `RULES` that apply at one of the tolerances, not only of the first one.
 
     **Arguments**
 

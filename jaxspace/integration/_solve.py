@@ -14,7 +14,7 @@ All further derivatives are JAX's: it differentiates the loops of `tangent` and 
 forwards. The transpose of a second derivative follows from its symmetry.
 
 A mapped integration (`jax.vmap`) does not use JAX's batching of the loop, in which every run would
-take the steps of the slowest and the components would be innermost. Its batching rule adds an axis
+use the steps of the slowest and the components would be innermost. Its batching rule adds an axis
 of runs to the layout and calls the batch path, in blocks. It recomputes the record there, so that
 no residual depends on how the runs were grouped. Runs that cannot be a batch become one
 `MappedIntegration`, whose primitives have the same rules.

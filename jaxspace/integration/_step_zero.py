@@ -4,7 +4,7 @@ output, or within a part of a run by those of its closed form.
 The part is sampled evenly. The first interval in which the condition changes its sign, or dips so
 that it might do so twice, is sampled again: densely about the place where the condition is expected
 to be zero, so that the next interval is about as wide as that place was wrong, or evenly where this
-gains too little. The program holds the condition once.
+gains too little. The program contains the condition once.
 """
 
 from typing import NamedTuple
@@ -91,7 +91,7 @@ class FlowCondition(NamedTuple):
         return self.event.condition(*self._at(t))
 
     def at(self, nodes: Scalar) -> tuple[Scalar, Scalar]:
-        """As of `StepCondition`."""
+        """As in `StepCondition`."""
 
         def each(t: Scalar) -> tuple[Scalar, Scalar]:
             value, slope = self.event.slope(self.system, *barrier(self._at(t)))
@@ -102,7 +102,7 @@ class FlowCondition(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """The conditions at the start and at the end of what was sampled, and their slopes."""
+    """The conditions at the start and at the end of the sampled interval, and their slopes."""
 
     first: Scalar
     first_slope: Scalar
@@ -118,7 +118,7 @@ class _Search(NamedTuple):
       those that are still to be examined; `dip`: whether the condition has a single sign so far.
     - `hit`, `at_zero`: whether the zero is found, at the `guess`; whether the run starts at one.
     - `ill`: the first sample where the condition was not finite; infinite without one.
-    - `active`, `left`: whether the search goes on; how many more samplings are allowed.
+    - `active`, `left`: whether the search continues; the number of further samplings allowed.
     - `size`, `ends`: the largest value of the condition; what it was at the ends of the part."""
 
     low: Scalar
@@ -165,7 +165,7 @@ class Part(NamedTuple):
         self, size: Scalar, sought: Bool[Array, "*runs"], going: Bool[Array, "*runs"]
     ) -> tuple[Zero, Ends]:
         """The first zero for the runs that have one `sought`, and the condition at both ends of the
-        part. For a run that is not `going` on, one sampling tells these.
+        part. For a run that is not `going` on, one sampling is sufficient.
 
         `size`: of the condition so far."""
         runs = self.along.runs

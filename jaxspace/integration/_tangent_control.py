@@ -1,27 +1,27 @@
 """Step control by derivatives, in a run that is differentiated.
 
-Steps that the motion alone chooses resolve the motion alone. Where it is at rest, or nearly a
+Steps chosen from the motion only resolve the motion only. Where it is at rest, or nearly a
 polynomial, they become as long as the run, and a derivative along them is that of a few steps of
 any accuracy: of a force that is zero, the derivative of a run without it. Some tangents are
-therefore integrated beside the motion (`_tangents.py`), and have errors as it has.
+therefore integrated together with the motion (`_tangents.py`), with errors of their own.
 
     |e_j|      estimate of the error that a step makes in d_j, of each block of the state
     |d_j|      largest size of the tangent so far, of each block
 
     |e_j| <= atol + rtol |d_j|
 
-Along most motions the tangents need the steps that the motion needs. A first attempt hence chooses
-its steps by the motion alone, and monitors the tangents at the third step, at every 24th after it,
-and at each step that is `LONGER` than all those that are known to be resolved: by the tangents, or
-by a motion that limits the step and moves every block of the state by `MOVED` of its size or more.
-Between these steps the tangents rest. The run is repeated with the tangents in the control of every
-step where
+Along most motions the tangents need the steps that the motion needs. A first attempt therefore
+chooses its steps from the motion only, and monitors the tangents at the third step, at every 24th
+after it, and at each step that is `LONGER` than all those that are known to be resolved: by the
+tangents, or by a motion that limits the step and moves every block of the state by `MOVED` of its
+size or more. Between these steps the tangents rest. The run is repeated with the tangents in the
+control of every step where
 
 - the error of a tangent is more than `ALARM` times what is allowed, or `MOST_ERROR` of its size;
-- a step was longer than those known to be resolved. That nothing is known is no error of zero.
+- a step was longer than those known to be resolved. An unknown error is not an error of zero.
 
-That the motion limits a step says nothing alone: at an equilibrium that rounding leaves inexact it
-is the growth of a rounding error, which limits the steps where it becomes as large as the
+A step limited by the motion is not sufficient evidence: at an equilibrium that is inexact due to
+rounding, it is the growth of a rounding error that limits the steps once it is as large as the
 tolerance. It is then resolved as little as the tangents, which grow as it does.
 """
 

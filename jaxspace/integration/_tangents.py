@@ -1,13 +1,14 @@
-"""The tangents of a run that is differentiated, beside its motion, for the control of its steps.
+"""The tangents of a differentiated run, integrated together with its motion, for the control of its
+steps.
 
     d_j        tangent of the state along a direction of the inputs, for probe j = 1, 2, ...
 
-Each array of the field that is differentiated has a probe of its own, so that a large tangent hides
-no small one; of more than `MOST` arrays several share one. The blocks of the initial state share
-one, because each block of the tangents has its own error. The direction is fixed and pseudo-random,
-with each number changing by its own size, or by one where it is zero.
+Each differentiated array of the field has a separate direction, so that a large tangent does not
+hide a small one; with more than `MOST` arrays several share one. The blocks of the initial state
+share one, because each block of the tangents has its own error. The direction is fixed and
+pseudo-random, with each number changing by its own size, or by one where it is zero.
 
-What they control: `_tangent_control.py`.
+The controlled quantities: `_tangent_control.py`.
 """
 
 from collections.abc import Callable

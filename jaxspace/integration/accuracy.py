@@ -37,7 +37,8 @@ def _known_float(x: object) -> object:
 class MethodName(str):
     """The name of a method, as part of the structure of a tree.
 
-    A plain text is a leaf, and `jax.jit` and `jax.vmap` return no result that holds one."""
+    A plain string is a leaf, and `jax.jit` and `jax.vmap` cannot return results that contain
+    one."""
 
     __slots__ = ()
 
@@ -54,20 +55,20 @@ class Accuracy(AbstractParameters):
     **Arguments**
 
     - `rtol`: relative to the length of every block of the state (position, quaternion, ...). By
-      default 1e-9 for float64 states and 1e-5 for float32 states. In a batch each run may have its
-      own, (runs,), and its own `atol`.
+      default 1e-9 for float64 states and 1e-5 for float32 states. In a batch each run may have
+      individual values, (runs,), also of `atol`.
     - `atol`: in the unit of the block, by default a thousandth of `rtol`. It matters only for a
       block that is close to zero.
     - `method`: `"auto"` (see `select_method`), `"closed_form"`, or a diffrax solver with an error
-      estimate. A fixed-step method takes the number of steps that it is given. If their error
+      estimate. A fixed-step method uses its given number of steps. If their error
       exceeds the tolerance, the run is repeated with up to eight times as many, except under `jit`,
       in derivatives of a batch and in missions.
-    - `adjoint`: `None` differentiates along the recorded steps, in forward and in reverse mode.
-      The alternatives are diffrax's `RecursiveCheckpointAdjoint` (reverse mode only),
-      `DirectAdjoint` and `ForwardMode`. With these a run takes twice as long, because one pass
-      chooses the steps and a second one takes them.
-    - `max_steps`: how many steps a run may take. Reverse mode allocates memory for all of them: one
-      number per step, or two per step and run with `AdaptiveRegularised`, where a short run is
+    - `adjoint`: `None` differentiates along the recorded steps, in forward and in reverse mode. The
+      alternatives are diffrax's `RecursiveCheckpointAdjoint` (reverse mode only), `DirectAdjoint`
+      and `ForwardMode`. With these a run takes twice as long, because one pass chooses the steps
+      and a second one performs them.
+    - `max_steps`: maximum number of steps of a run. Reverse mode allocates memory for all of them:
+      one number per step, or two per step and run with `AdaptiveRegularised`, where a short run is
       differentiated several times faster with a smaller limit. A run that would need more than half
       of the memory for them is refused.
     - `max_step`: the longest step, s; by default as long as the tolerance allows. The vector field
@@ -82,9 +83,8 @@ class Accuracy(AbstractParameters):
     - `derivative_control`: whether the step control of a run that is differentiated looks at its
       derivatives too, and repeats the run with shorter steps where those of the motion do not
       resolve them: at or near an equilibrium, or where a parameter that is zero leaves nothing to
-      resolve. Without it
-      a gradient takes a little less time. Derivatives by `AdaptiveRegularised`, by methods of fixed
-      steps and by the adjoints of diffrax have the steps of the motion alone.
+      resolve. Without it a gradient is slightly faster. Derivatives by `AdaptiveRegularised`, by
+      methods of fixed steps and by the adjoints of diffrax use steps chosen from the motion only.
     - `chosen_at`: the largest tolerance for which "auto" chooses the method; by default `rtol`, and
       above 1e-5 it is another one. With it runs at several tolerances are one program.
 
@@ -149,7 +149,7 @@ class Accuracy(AbstractParameters):
 
 def check_tolerances(accuracy: Accuracy, runs: int | None) -> None:
     """Raise `InputError` for a tolerance that is neither one number nor one for each of the `runs`
-    of a batch; `None` for a run alone."""
+    of a batch; `None` for a single run."""
     for name in ("rtol", "atol"):
         shape = np.shape(getattr(accuracy, name))
         if shape and shape != (runs,):
@@ -209,7 +209,7 @@ def least_tolerance(dtype: DTypeLike) -> float:
 def state_dtype(y: PyTree) -> jnp.dtype:
     """The precision of a state.
 
-    Raises `InputError` if it is no tree of floating-point arrays, or if its blocks differ."""
+    Raises `InputError` if it is not a pytree of floating-point arrays, or if their types differ."""
     leaves = jax.tree.leaves(y)
     for leaf in leaves:
         if not isinstance(leaf, Array | np.ndarray | jax.ShapeDtypeStruct):

@@ -1,7 +1,7 @@
 """Configuration of one integration, resolved once: method, tolerances, limits, adjoint.
 
-`resolve` is the only place that decides. It refuses what cannot work before anything is compiled;
-everything after it takes the configuration as it is.
+`resolve` is the only place that decides. It rejects invalid settings before anything is compiled;
+later code relies on the validated configuration.
 """
 
 import dataclasses
@@ -30,12 +30,12 @@ MAX_REFINEMENT = 8
 class IntegrationConfig(eqx.Module):
     """A resolved `Accuracy`: every default is filled in, and the method is the one that runs.
 
-    - `rtol`, `atol`: tolerances in the precision of the state; in a batch each run may have its
-      own.
+    - `rtol`, `atol`: tolerances in the precision of the state; in a batch each run may have
+      individual ones.
     - `method`: a solver, or "closed_form".
     - `adjoint`, `max_steps`, `max_step`, `derivative_control`: as in `Accuracy`.
-    - `decoupled`: whether the exact part of the motion (`AbstractSystem.decoupled`) is computed by
-      itself, and the `method` integrates the rest."""
+    - `decoupled`: whether the exact part of the motion (`AbstractSystem.decoupled`) is computed
+      separately, and the `method` integrates the rest."""
 
     rtol: Float[Array | np.ndarray, "*runs"]
     atol: Float[Array | np.ndarray, "*runs"]
@@ -58,11 +58,11 @@ class IntegrationConfig(eqx.Module):
 
     @property
     def fixed_step(self) -> bool:
-        """Whether the method takes a given number of steps, whatever the tolerance."""
+        """Whether the method uses a given number of steps, independent of the tolerance."""
         return not isinstance(self.method, str) and solver_traits(self.method).fixed_step
 
     def split(self) -> tuple["IntegrationConfig", "IntegrationConfig"]:
-        """The tolerances of which each run has its own, and the rest: `eqx.combine` joins them."""
+        """The tolerances that differ between runs, and the rest: `eqx.combine` joins them."""
         none = jax.tree.map(lambda _: False, self)
         own = [np.ndim(x) > 0 for x in (self.rtol, self.atol)]
         return eqx.partition(self, eqx.tree_at(lambda c: (c.rtol, c.atol), none, own))
@@ -73,7 +73,7 @@ class IntegrationConfig(eqx.Module):
         return eqx.combine(jax.tree.map(lambda x: x[..., rows], own), rest)
 
     def small_program(self) -> "IntegrationConfig":
-        """The same with a program that compiles sooner and runs slower, if the method has one."""
+        """The same with a program that compiles faster and runs slower, if the method has one."""
         method = self.method if isinstance(self.method, str) else small_program(self.method)
         return dataclasses.replace(self, method=method)
 
@@ -114,10 +114,10 @@ def resolve(
     - `system`, `y0`: the system and its initial state (or its shapes), of one run or of many.
     - `accuracy`: that of the user.
     - `starts`: returns the runs whose numbers show whether the system is stiff; called only if
-      the rules get that far. `None` in missions, where the structure alone decides.
+      the rules get that far. `None` in missions, where only the structure is decisive.
 
     **Raises** `InputError` for a tolerance that the precision of the state cannot reach, and for a
-    method that needs what the system does not offer."""
+    method that requires a capability that the system does not offer."""
     dtype = state_dtype(y0)
     rtol = DEFAULT_RTOL.get(dtype.name, 1e-2) if accuracy.rtol is None else accuracy.rtol
     # Zero stands for a traced tolerance, for which the rules of structure decide.
@@ -230,7 +230,8 @@ CAPABILITIES = {
 
 
 def _check_needs(system: AbstractSystem, method: diffrax.AbstractSolver | str) -> None:
-    """Raise `InputError` if the system does not offer what the method needs, and why."""
+    """Raise `InputError`, with the reason, if the system does not offer the capability that the
+    method requires."""
     needs = method if isinstance(method, str) else solver_traits(method).needs
     # The capability has the name of the system's method that provides it.
     if not needs or getattr(system, needs)() is not None:

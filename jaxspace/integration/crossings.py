@@ -197,7 +197,7 @@ def _fixed(x: object) -> object:
 def _for_short_ways(config: IntegrationConfig) -> IntegrationConfig:
     """The configuration of an integration from a sample to a zero: few steps.
 
-    A method of fixed steps would take all of its steps, and reverse mode reserves memory for the
+    A fixed-step method would perform all of its steps, and reverse mode reserves memory for the
     largest number of steps."""
     method = HIGH_ORDER if config.fixed_step else config.method
     steps = min(config.max_steps, STEPS_TO_ZERO)

@@ -41,7 +41,7 @@ def first_event(
 ) -> LocatedEvents:
     """The first event of each run between `t0` and `t1`, s. Not differentiable.
 
-    `start_known`, for a run that goes on after events: what is known of each condition at `t0`.
+    `start_known`, for a run that goes on after events: the known state of each condition at `t0`.
     Infinite where it is a zero at which the event has acted, which is then no event even with
     `Event.at_start`; minus infinity where it is no zero, however small; 0 where the search decides,
     by the rounding of the condition."""

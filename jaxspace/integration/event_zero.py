@@ -1,4 +1,5 @@
-"""What searches for the zeros of a condition share: candidates among samples, and roundings."""
+"""Common parts of the searches for zeros of a condition: candidates among samples, and
+roundings."""
 
 import math
 from typing import NamedTuple

@@ -68,16 +68,16 @@ class Event(HashedModule):
     - `at_start`: whether a zero at the start of the run, to rounding, is an event. By default it is
       not, because the previous run usually ended at this zero. An event that happens together with
       the one that ends a run is named in `Trajectory.happened`.
-    - `terminal`: whether the event ends the run. With `False` the run goes on, and
-      `Trajectory.crossings` holds every zero, up to `capacity` of them. The search then cuts
-      the span at the save times, into at least `samples` parts.
+    - `terminal`: whether the event ends the run. With `False` the run continues, and
+      `Trajectory.crossings` contains every zero, up to `capacity` of them. The search then cuts the
+      span at the save times, into at least `samples` parts.
     - `then`: with `terminal=False`, a function (t, y) -> y, as `Phase.then`, that replaces the
-      state at each zero, such as a ball that bounces. `Trajectory.crossings` then holds the states
-      on both sides, and the run ends at the first zero beyond `capacity`. Of events that are zero
-      at one time, within the resolution of the located time, all act in the order in which they are
-      listed, each on the state that the one before left; a terminal one ends the run after them.
-      Which these are is decided by the state before any jump: one that an earlier jump moves away
-      from its zero still acts, and one that it moves onto its zero does not.
+      state at each zero, such as a ball that bounces. `Trajectory.crossings` then contains the
+      states on both sides, and the run ends at the first zero beyond `capacity`. Of events that are
+      zero at one time, within the resolution of the located time, all act in the order in which
+      they are listed, each on the state that the one before left; a terminal one ends the run after
+      them. Which these are is decided by the state before any jump: one that an earlier jump moves
+      away from its zero still acts, and one that it moves onto its zero does not.
     - `passed`: for `Phase.until`, whether a run that is beyond the zero where the phase starts, as
       below a height at which something opens on the way down, ends the phase at once. By default
       it waits for the next zero.
@@ -119,8 +119,8 @@ class Event(HashedModule):
         check_positive("Event.touch", self.touch)
 
     def beyond(self, t: Scalar, y: State) -> Bool[Array, "*#runs"] | None:
-        """Which runs are beyond the zero at the start `t`, s, of a phase, and end it there; `None`
-        where the event does not ask."""
+        """The runs that are beyond the zero at the start `t`, s, of a phase, and end it there;
+        `None` where the event does not ask."""
         if self.passed is None:
             return None
         return self.passed & (self.direction * self.condition(t, y) > 0.0)
@@ -153,7 +153,7 @@ def closures_of_events(events: tuple[Event, ...], t: Scalar, y: State) -> tuple[
     """The events with the traced arrays that their conditions close over as leaves, so that a loss
     function can differentiate with respect to them.
 
-    `t` and `y` are a time of each run, s, and a state; their shapes alone are used."""
+    `t` and `y` are a time of each run, s, and a state; only their shapes are used."""
 
     def closed(event: Event) -> Event:
         constants = jax.make_jaxpr(event.condition)(t, y).consts

@@ -7,7 +7,7 @@ The closed form of a rotation takes longer to compile than a step, so that a slo
 integrated with the rest.
 
     symbol  meaning                                            unit
-    n, N    steps that the turns take, steps of a run at most  1
+    n, N    steps for the turns, most steps of a run           1
     a       turns of the exact part in the run                 rad
 
 The factor is measured, on spinning bodies by DOP853, at tolerances from 3e-7 to 1e-12.
@@ -73,7 +73,8 @@ def _has_exact_part(system: AbstractSystem) -> bool:
 
 
 def takes_many_steps(turns: float, accuracy: Accuracy) -> bool:
-    """Whether this angle, rad, takes half of the steps that a run of this accuracy may take."""
+    """Whether this angle, rad, requires half of the maximum number of steps of a run with this
+    accuracy."""
     # An unknown tolerance counts as the default one.
     known = is_concrete(accuracy.rtol)
     rtol = float(np.min(np.asarray(accuracy.rtol))) if known else OF_TOLERANCE

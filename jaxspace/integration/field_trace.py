@@ -21,7 +21,7 @@ class FieldTrace(NamedTuple):
 
     - `rate`: the shapes of the derivative of a state.
     - `jaxpr`: its program, with the arrays of the system, the time and the state as arguments.
-    - `constants`: the known arrays that it holds.
+    - `constants`: its concrete arrays.
     - `operations`: their number.
     - `closes_over_tracers`: whether a function inside the system, such as a user's, closes over
       traced arrays."""
@@ -50,8 +50,8 @@ def field_trace(system: AbstractSystem, t: PyTree, y: PyTree) -> FieldTrace:
 
 
 def evaluate_field(system: AbstractSystem, t: Scalar, y: State) -> State:
-    """The vector field of a system in a function that is traced: by the trace that is there
-    already, where it holds all that the field depends on."""
+    """The vector field of a system in a traced function: from the existing trace, if it contains
+    everything on which the field depends."""
     trace = field_trace(system, t, y)
     if trace.closes_over_tracers:
         return system.vector_field(t, y)

@@ -63,10 +63,10 @@ def integrate(
     - `fractions`: save times as fractions of the duration, ascending within [0, 1]; `None` saves
       the state at the end. With fractions of each run, in any order, steps end at them.
     - `config`: from `resolve`.
-    - `run_axes`: how many trailing axes carry runs.
+    - `run_axes`: number of trailing batch axes.
     - `dense`: whether to return the ends of the steps, and the states there.
     - `trimmed`: of a short run: whether to try a first step of its whole length, and to leave out
-      segments of no length at both ends. Only where the final state alone is saved and nothing is
+      segments of no length at both ends. Only where just the final state is saved and nothing is
       differentiated: a break at one of its ends would have a derivative.
     - `for_search`: whether the states at the fractions are samples for a search, for which a small
       program counts: a closed form computes them `in_turn`, and the first step is not estimated.
@@ -108,7 +108,7 @@ def _any_outside(
     states: State,
     run_axes: int,
 ) -> Flag | None:
-    """Whether one of the saved states lies outside the range of the system; `None` where none can.
+    """Whether one of the saved states is outside the range of the system; `None` where none can.
 
     Of a closed form, which takes no steps, nothing else is asked; of steps it is asked beside their
     ends, between which a run may be outside."""

@@ -1,8 +1,8 @@
 """Mapped runs as batched runs: an axis of runs for a field, a state and the settings of a loop.
 
-JAX maps an integration by giving some of its arrays a further axis. If the system keeps to the
-layout of the library (components first, runs last), the same runs are one batch, which is many
-times as fast. `add_run_axis` makes this batch, or returns `None` where it cannot.
+JAX maps an integration by giving some of its arrays a further axis. If the system follows the
+layout of the library (components first, batch axis last), the same runs form one batch, which is
+many times faster. `add_run_axis` makes this batch, or returns `None` where it cannot.
 """
 
 import dataclasses
@@ -103,7 +103,7 @@ def _carried_by(settings: LoopSettings) -> PyTree:
 
 
 def _of_each_run(sought: SoughtEvents, y0: PyTree) -> bool:
-    """Whether each condition takes the states of many runs and returns a number for each."""
+    """Whether each condition accepts the states of many runs and returns a number for each."""
     runs = jax.tree.leaves(y0)[0].shape[-1:]
     t = jax.ShapeDtypeStruct(runs, sought.rounding.dtype)
     try:

@@ -1,7 +1,7 @@
 """A system in normalised time, which counts segments and has no jumps within them.
 
-The break times of the system cut the duration of a run into segments. Segment i takes s from i to
-i + 1, and every run maps s to its own time,
+The break times of the system cut the duration of a run into segments. Segment i covers s from i to
+i + 1, and every run maps s to its time,
 
     t = t0 + T (u_i + (s - i)(u_{i+1} - u_i))
     dy/ds = T (u_{i+1} - u_i) f(t, y)
@@ -133,7 +133,7 @@ class Segments(eqx.Module):
 
 @final
 class StepTimes(eqx.Module):
-    """The times of a step of which every run takes its own part; used as `Segments` are.
+    """The times of a step with an individual interval for every run; used like `Segments`.
 
     No segment ends within a step, so that time is linear in it: from `start` on, `rate` seconds to
     a unit of the time of the steps, in which it begins at `begin` and is `length` long."""
@@ -222,7 +222,7 @@ class ScaledVectorField(eqx.Module, Generic[Clock]):
         return y if result is None else jax.tree.map(lambda a, b: a.astype(b.dtype), result, y)
 
     def outside(self, s: Scalar, y: State) -> Flag | None:
-        """Whether the state `y` lies outside the range of the system, or `None`."""
+        """Whether the state `y` is outside the range of the system, or `None`."""
         return self.system.outside(self.time(s), y)
 
     def split(self) -> AbstractSplit:
@@ -262,15 +262,15 @@ class PartOfField(eqx.Module):
         return self.field.duration(self._within(s), ds * self.length)
 
     def projected(self, s: Scalar, y: State) -> State:
-        """The same of the field."""
+        """Delegates to the field."""
         return self.field.projected(self._within(s), y)
 
     def split(self) -> AbstractSplit:
-        """The same of the field."""
+        """Delegates to the field."""
         return self.field.split()
 
     def regularised(self) -> AbstractRegularised:
-        """The same of the field."""
+        """Delegates to the field."""
         return self.field.regularised()
 
 

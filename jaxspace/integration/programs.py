@@ -1,8 +1,9 @@
-"""When the program of a run is small: its stages are a loop, which compiles sooner and runs slower.
+"""Criterion for the compact program of a run: its stages are a loop, which compiles faster and runs
+slower.
 
-Written out, the stages of a step hold the vector field 12 or 17 times. The time of the compiler
+Unrolled, the stages of a step contain the vector field 12 or 17 times. The time of the compiler
 grows faster than the operations of the field, that of a run as they do, so that the program becomes
-small from some size of the field on. What runs more often waits longer for its compiler.
+small from some size of the field on. Frequently executed programs justify longer compilation.
 
 Measured by `python -m benchmarks first_answers` and `kick_stage`, each program in both forms.
 """
@@ -13,7 +14,7 @@ from typing import NamedTuple
 
 
 class Runs(enum.StrEnum):
-    """What a program computes."""
+    """The purpose of a program."""
 
     DERIVATIVE_OF_ONE = "the derivative of a single run"
     ONE_CLOSED_LOOP = "a single closed loop"
@@ -27,7 +28,8 @@ class Runs(enum.StrEnum):
 
 
 class Limit(NamedTuple):
-    """The `operations` of a vector field from which a program is small, and what that gives."""
+    """The number of `operations` of a vector field from which the compact program is used, and its
+    benefit."""
 
     operations: int
     evidence: str

@@ -25,7 +25,7 @@ from .normalised_time import ScaledVectorField, Segments
 class Outcome(NamedTuple):
     """Outcome of an integration; `states` have the times on the first axis here.
 
-    - `states`: at the save times, or the last one alone.
+    - `states`: at the save times, or only the last one.
     - `max_local_error`, `out_of_steps`: of each run; the former in units of the tolerance.
     - `step_ends`, `step_states`: of the accepted steps, if requested.
     - `location`: of the first event of each run, if events are sought; the last of the `states` is
@@ -84,7 +84,7 @@ def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
 
 
 def outcome_of_individual_steps(loop: IndividualLoop, settings: LoopSettings) -> Outcome:
-    """The outcome of runs that each take their own steps, in regularised variables."""
+    """The outcome of runs with individual steps, in regularised variables."""
     finished = loop.y.segment >= settings.end
     if loop.buffers.saved is None:
         states = jax.tree.map(lambda x: jnp.where(finished, x, jnp.nan)[None], loop.y)
@@ -116,7 +116,7 @@ class DenseOutput(NamedTuple):
 class IntegrationResult(NamedTuple):
     """Result of an integration.
 
-    - `states`: at the save times, or at the end alone: (components, times, *runs).
+    - `states`: at the save times, or only at the end: (components, times, *runs).
     - `status`: of each run.
     - `stats`: steps, rejected steps, evaluations of the vector field, and the largest local error
       of each run in units of the tolerance.
@@ -157,7 +157,7 @@ def result_of(
     **Arguments**
 
     - `outcome`: the outcome of the loop.
-    - `field`, `y0`, `settings`, `config`: what was integrated, and how.
+    - `field`, `y0`, `settings`, `config`: of the integration.
     - `landed`: the save times as fractions of the duration, where every segment ends in a saved
       state; `None` where the states are those at the save times already.
 

@@ -1,11 +1,11 @@
-"""Which events happen at the time of the first one: all whose conditions are zero there.
+"""The events that occur at the time of the first one: all whose conditions are zero there.
 
     |g| <= R eps (sum |g_y| |y| + max |g| + |dg/dt| max(|t|, |t - t0|))
 
 The bound is the rounding of the condition, and its change in a few roundings of the located time.
 
 The search finds the zeros on the dense output of a step, or by an integration for each event; the
-state at the first one is the end of another step. It may lie behind the zero of a second event by
+state at the first one is the end of another step. It may be behind the zero of a second event by
 the difference of both, which is within the tolerance. The search has placed that zero not before
 the first one, so that both happen together.
 

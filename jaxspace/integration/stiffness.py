@@ -51,7 +51,7 @@ class InitialConditions(NamedTuple):
     """Runs as they are requested, of which some are sampled; their numbers are known.
 
     - `runs`: (system, state, times), with the runs on the last axis of what carries them.
-    - `run_axes`: of each array of `runs`, how many trailing axes carry runs (0 or 1).
+    - `run_axes`: of each array of `runs`, number of trailing batch axes (0 or 1).
     - `rows`: the numbers of the sampled runs."""
 
     runs: PyTree
@@ -76,10 +76,10 @@ class InitialConditions(NamedTuple):
 
 
 def is_stiff(starts: InitialConditions, rtol: float) -> bool:
-    """Whether some of the runs would take an explicit method very many steps, and the exponential
-    method is suited to all of these.
+    """Whether some of the runs would require very many steps of an explicit method, and the
+    exponential method suits all of these.
 
-    `False` for a state of many components, or if `rtol` is zero, which stands for an unknown
+    `False` for a state with many components, or if `rtol` is zero, which represents an unknown
     tolerance."""
     if rtol == 0.0 or starts.components > MOST:
         return False
@@ -144,8 +144,8 @@ def _sizes(y: State) -> Array:
 def _linearised(starts: InitialConditions, away: ArrayLike) -> tuple[Array, Array, Array, Array]:
     """The vector field, its Jacobian and the sizes at the states moved by `away`, and the spans.
 
-    By differences, because derivatives would take far longer to compile. NaN where the rate of a
-    state has another shape."""
+    Computed with differences, because derivatives would take far longer to compile. NaN where the
+    rate of a state has another shape."""
 
     def one(
         system: AbstractSystem, y: State, ts: Array, away: Array

@@ -1,18 +1,17 @@
-"""Designs assessed by a fresh campaign, whose runs no search has seen.
+"""Designs assessed with an independent campaign, whose runs no search has used.
 
-    value of modelling the dispersion  W = S(f(x_0, w)) - S(f(x*, w))
+    value of modelling dispersion    W = S(f(x_0, w)) - S(f(x*, w))
     its variance                     sum_i (I_i(x_0) - I_i(x*))^2
 
     symbol  meaning                                                        unit
     S       statistic that was minimised                                   that of the output
     x*, x_0 optimum under dispersion, and another design                   those of the unknowns
-    w       inputs of the fresh runs, the same for each design
+    w       inputs of the independent runs, the same for each design
     I_i     influence of run i on S (`statistics.py`)                     that of the output
 
-A search flatters its optimum: it adapts the design to its runs. By how much is the difference
-between the statistic of its runs and that of fresh ones.
-Source: Birge and Louveaux, Introduction to Stochastic Programming, 4.2 (value of the stochastic
-solution).
+A search overestimates its optimum, because it adapts the design to its runs. The bias is the
+difference between the statistic of its runs and that of independent ones. Source: Birge and
+Louveaux, Introduction to Stochastic Programming, 4.2 (value of the stochastic solution).
 """
 
 import dataclasses

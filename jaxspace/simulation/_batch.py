@@ -1,4 +1,4 @@
-"""Many runs of a system, integrated block by block; every run takes its own steps."""
+"""Many runs of a system, integrated in blocks, each run with individual steps."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -65,20 +65,21 @@ def simulate_batch(
       of -1 (runs on the last axis) and `None` (shared).
 
     **Returns** a `Trajectory` with the runs last and a `Status` for each. A failed run is marked in
-    its own status. Some runs are repeated:
+    its status. Some runs are repeated:
 
-    - Outside of `jit`, with "auto", runs that ran out of steps are repeated by the method that
-      suits their own parameters and states, and with the exact part of their motion in closed
-      form. Runs whose fixed steps missed the tolerance are repeated with up to eight times as many.
+    - Outside of `jit`, with "auto", runs that reached the maximum number of steps are repeated with
+      the method that suits their parameters and states, and with the exact part of their motion in
+      closed form. Runs whose fixed steps missed the tolerance are repeated with up to eight times
+      as many.
 
     All local devices are used, unless the arrays or a transformation fix the device.
 
-    Every run takes its own steps: the other runs, failed ones too, do not change it. The derivative
-    of a run alone may depend on them, within the tolerance, where a run of its block takes more
-    than some thousand steps.
+    Every run has individual steps: it is not affected by the other runs, including failed ones.
+    Only the derivative of a run may depend on them, within the tolerance, if a run of its block
+    takes more than a few thousand steps.
 
     **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
-    runs. `SimulationError`, if `throw`, for a run that failed."""
+    runs. `SimulationError`, if `throw`, for a failed run."""
     check_system("systems", systems, "simulate_mission_batch")
     systems = captured_as_leaves(systems)
     # A state that is not finite fails only its own run.

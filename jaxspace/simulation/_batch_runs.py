@@ -95,8 +95,8 @@ def _check_runs(system: AbstractSystem, y0: State, t: Array, runs: int) -> None:
 
 @contextlib.contextmanager
 def _shared_arrays_named(systems: PyTree, runs: int) -> Iterator[None]:
-    """In this context, let an error about shapes name the arrays that all runs share because their
-    fields declare no axis of runs: one of them was most likely meant to carry runs."""
+    """In this context, let an error about shapes name the arrays shared by all runs because their
+    annotations have no batch axis: one of them was most likely meant to be batched."""
     try:
         yield
     except (TypeError, ValueError) as error:
@@ -166,11 +166,11 @@ def _unsorted(rate: Array) -> Order:
 
 
 def _relative_rate(system: AbstractSystem, y0: State, t: Array) -> Array:
-    """How fast each run changes: the largest of |y'| / |y| and sqrt(|y''| / |y|) over the blocks of
-    its state, 1/s.
+    """Rate of change of each run: the largest of |y'| / |y| and sqrt(|y''| / |y|) over the blocks
+    of its state, 1/s.
 
-    Of bodies that turn alike, only the second derivative tells those that turn about another axis
-    soon."""
+    For bodies with equal rotation rates, only the second derivative distinguishes those whose axis
+    will change soon."""
     # The order changes no result, and therefore no derivative.
     y = jax.lax.stop_gradient(broadcast_state(system, t, y0))
     length = Tolerance(0.0, 0.0, 1).length
@@ -199,7 +199,8 @@ def _relative_rate(system: AbstractSystem, y0: State, t: Array) -> Array:
 def again_by(
     run: Callable[[PyTree, Blocks, Configs], Result], batched: PyTree
 ) -> Callable[[Result, np.ndarray, Configs, int], Result]:
-    """The repetition of some runs of a batch, as `cured` takes it, by the `run` of some of them."""
+    """The repetition of some runs of a batch, in the form of `cured`, from the `run` of some of
+    them."""
 
     def again(result: Result, rows: np.ndarray, configs: Configs, block: int) -> Result:
         # Padded to whole blocks, so that fewer shapes are compiled.

@@ -2,7 +2,7 @@
 
     k_i = f(t + c_i h, y + h sum_j a_ij k_j)            y_1 = y + h sum_i b_i k_i
 
-The program holds the vector field of a phase once, in place of once for each of twelve stages,
+The program contains the vector field of a phase once, instead of once for each of twelve stages,
 again for events and again for the record of steps. An optimisation compiles this program and its
 derivative once, and returns within seconds. A step runs slower than that of `simulate_mission`, and
 no tolerance controls it: `error` shows whether the steps were enough, and a run of the optimum by
@@ -37,7 +37,7 @@ from .legs import legs_of
 SEARCH = 12
 
 Step: TypeAlias = Callable[[Scalar, Scalar, Array], tuple[Array, Array]]
-"""From time, length and state of a step to the state behind it and its error."""
+"""The state after a step and its error, from its time, length and initial state."""
 
 
 class CompactPhase(NamedTuple):
@@ -212,8 +212,8 @@ class _Search(NamedTuple):
 
     - `number`: of the next step of the plan.
     - `hit`: whether the zero is bracketed. If so, `rest` is the length to a time beyond it, where
-      the condition is `g1`; `ahead` and `past` are the weights of both ends, and `side` says which
-      end moved last."""
+      the condition is `g1`; `ahead` and `past` are the weights of both ends, and `side` is the end
+      that moved last."""
 
     t: Array
     v: Array
@@ -233,8 +233,7 @@ def _until_event(
     """Steps up to the zero of the event's condition: time and state just before it and whether it
     was met; and times, states and errors of the steps.
 
-    A step across the zero is not taken but shortened by regula falsi, until the state stands just
-    before it."""
+    A step across the zero is shortened by regula falsi, until the state is just before it."""
     sign = float(event.direction)
 
     def passed(g: Scalar, g0: Scalar) -> Bool[Array, ""]:

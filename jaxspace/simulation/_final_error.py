@@ -1,7 +1,7 @@
 """The error at the end that a user asks for, in place of a tolerance.
 
-Beside `Accuracy`, which says what error a step may make: what comes of it at the end depends on the
-motion. `_to_final_error.py` finds the tolerance.
+It complements `Accuracy`, which bounds the error of a step: the resulting error at the end depends
+on the motion. `_to_final_error.py` finds the tolerance.
 """
 
 import functools
@@ -27,9 +27,9 @@ from .trajectory import Trajectory
 
 
 class Measured(NamedTuple):
-    """What is compared of a run: `values`, the error that each of them is `allowed`, (*runs,),
-    whether the run is `good`, or steps `missed` its tolerance, (*runs,), whether it `jumps` at an
-    event, (*runs,), and its `evaluations` of the vector field."""
+    """The compared quantities of a run: `values`, the error that each of them is `allowed`,
+    (*runs,), whether the run is `good`, or steps `missed` its tolerance, (*runs,), whether it
+    `jumps` at an event, (*runs,), and its `evaluations` of the vector field."""
 
     values: tuple[Array, ...]
     allowed: tuple[Array, ...]
@@ -44,14 +44,13 @@ class Measured(NamedTuple):
 class FinalError(HashedModule):
     """The error that a run may have at its end: `simulate(..., accuracy=FinalError(position=1.0))`.
 
-    The verbs then repeat the run with smaller tolerances until the error, as the runs show it, is
-    below what is asked, and return the last run. Its `stats["final_error"]` is the estimate, in
-    units of what is asked, `stats["final_error_evaluations"]` what all runs took together, and
-    `run.accuracy.rtol` the tolerance of the last. `stats["final_error_price"]` is how many times
-    the evaluations of the last run a tenth of its error would take, as these runs show it. Where
-    the error cannot be met the status is `FINAL_ERROR_MISSED`. The error of a closed form is that
-    of its roundings: the estimate is three times what roundings of the initial state and of the
-    times change.
+    The verbs then repeat the run with smaller tolerances until the error estimated from the runs is
+    below the requested one, and return the last run. Its `stats["final_error"]` is the estimate, in
+    units of the requested error, `stats["final_error_evaluations"]` the evaluations of all runs,
+    and `run.accuracy.rtol` the tolerance of the last. `stats["final_error_price"]` is the estimated
+    factor on the evaluations of the last run for a tenth of its error. Where the error cannot be
+    met the status is `FINAL_ERROR_MISSED`. The error of a closed form is its rounding error: the
+    estimate is three times the change due to rounding of the initial state and of the times.
 
     **Arguments**
 
@@ -107,7 +106,8 @@ class FinalError(HashedModule):
         self.output = output
 
     def measured(self, result: Simulated) -> Measured:
-        """What is compared of a result. Raises `InputError` for a block that the state has not."""
+        """The compared quantities of a result. Raises `InputError` for a block that the state has
+        not."""
         last = result.phases[-1]
         axes = last.run_axes
         status = result.status
@@ -180,7 +180,7 @@ USUAL = 1e-7
 
 
 def distance(a: Measured, b: Measured) -> Float[Array, "*runs"]:
-    """The largest difference of two runs, for each run, in units of what is allowed."""
+    """The largest difference of two runs, for each run, in units of the allowed error."""
     axes = b.good.ndim
 
     def ratio(x: Array, y: Array, allowed: Array) -> Array:
@@ -195,7 +195,7 @@ def distance(a: Measured, b: Measured) -> Float[Array, "*runs"]:
 
 
 def rounding(a: Measured) -> Float[Array, "*runs"]:
-    """The rounding of the largest value, for each run, in units of what is allowed."""
+    """The rounding of the largest value, for each run, in units of the allowed error."""
     zero = a._replace(values=tuple(map(jnp.zeros_like, a.values)))
     return distance(a, zero) * jnp.finfo(a.values[0].dtype).eps
 

@@ -61,9 +61,9 @@ def gradient_error(
     **Arguments**
 
     - `function(x, accuracy)`: numbers of runs that it makes with this `accuracy`, such as
-      `simulate(system_of(x), y0, ts, accuracy=accuracy).final.position`. What does not depend on it
-      is taken as exact.
-    - `x`: a number, an array or a tree of them, by which the derivative is taken.
+      `simulate(system_of(x), y0, ts, accuracy=accuracy).final.position`. Results that do not depend
+      on it are treated as exact.
+    - `x`: a number, an array or a pytree of them, with respect to which the derivative is computed.
     - `accuracy`: relative tolerance of the derivative, or an `Accuracy`; by default as in
       `simulate`. Where the precision resolves not even a tenth of it, the comparison is with
       a hundred times the tolerance, and the estimate that of the looser derivative.

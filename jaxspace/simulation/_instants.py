@@ -1,5 +1,4 @@
-"""Events of a run that happen at one time: in which order they act, and what the run after them
-takes for a zero.
+"""Simultaneous events of a run: the order in which they act, and the zeros of the run after them.
 
 Which events happen at the time of the first one is decided by the state before any of them acts.
 They act in the order in which they are listed, each on the state that the one before left; then the

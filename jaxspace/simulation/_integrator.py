@@ -1,4 +1,4 @@
-"""A system with how it is integrated, for integrations that differ in states and times alone."""
+"""A system with its integration settings, for integrations that differ only in states and times."""
 
 from typing import Any, NamedTuple
 

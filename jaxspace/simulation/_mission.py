@@ -1,8 +1,8 @@
 """Phases in sequence, each with a system, an end, and a jump into the next phase.
 
-The jump is any function (t, y) -> y, best an `equinox.Module` whose parameters are then part of the
-mission; it may change what the state holds. Runs of a batch may have phases of different length,
-and events at different times.
+The jump is any function (t, y) -> y, preferably an `equinox.Module` whose parameters are then part
+of the mission; it may change the structure of the state. Runs of a batch may have phases of
+different length, and events at different times.
 
 Where a phase has `branches`, the mission divides: each branch is a separate mission, which starts
 at the end of that phase."""
@@ -81,18 +81,18 @@ def _with_known_end(phase: Any) -> Any:
 
 @final
 class Phase(HashedModule):
-    """One phase: the `system` that moves, `until` when, and `then` what jumps.
+    """One phase: its `system`, its end `until`, and the jump `then`.
 
     - `system`: any system, or a `ClosedLoop` of one, whose controller starts again with the phase.
     - `until`: a duration, s, zero for a jump at once, or an `Event` that sets its limit `within`.
     - `then`: a function (t, y) -> y applied at the end; `None` leaves the state as it is.
     - `name`: for tables and plots.
-    - `branches`: missions that start at its end, from the state before its jump, beside whatever
-      phase follows.
+    - `branches`: missions that start at its end, from the state before its jump, in addition to the
+      following phase.
 
-    Raises `InputError` for an event without a limit or that ends no run, for a closed loop with an
-    event that may have `passed`, for a duration that is not
-    finite, for a jump that is no function, and for a branch that is no mission."""
+    Raises `InputError` for an event without a time limit or that is not terminal, for a closed loop
+    with an event that may have `passed`, for a duration that is not finite, for a jump that is not
+    a function, and for a branch that is not a mission."""
 
     system: AbstractSystem | AbstractRunnable
     until: Float[Array, "*#runs"] | Event = eqx.field(converter=_as_until)
@@ -141,7 +141,7 @@ class Mission(HashedModule):
       from that of the whole; `None` leaves the state as it is.
     - `name`: of a branch.
 
-    Raises `InputError` when there is no phase, and for two phases or branches of one name."""
+    Raises `InputError` without phases, and for duplicate names of phases or branches."""
 
     phases: tuple[Phase, ...] = eqx.field(converter=_as_phases)
     start: Callable[[Scalar, State], State] | None = eqx.field(
@@ -171,7 +171,7 @@ class Mission(HashedModule):
 
 
 def check_system(name: str, system: object, other: str) -> None:
-    """Raise `InputError` unless it is a system, for a mission with the `other` verb that runs it.
+    """Raise `InputError` unless it is a system; for a mission the message names the `other` verb.
 
     `name` is that of the argument."""
     if isinstance(system, Mission):
@@ -183,7 +183,7 @@ def check_system(name: str, system: object, other: str) -> None:
 
 
 def check_mission(name: str, mission: object, other: str) -> None:
-    """Raise `InputError` unless it is a mission, for a system with the `other` verb that runs it.
+    """Raise `InputError` unless it is a mission; for a system the message names the `other` verb.
 
     `name` is that of the argument."""
     if isinstance(mission, Mission):

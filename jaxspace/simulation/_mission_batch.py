@@ -39,18 +39,18 @@ def simulate_mission_batch(
 
     **Arguments**
 
-    - `missions`, `y0s`: as in `simulate_mission`; which of their arrays carry runs follows from the
-      declared shapes, as in `simulate_batch`.
+    - `missions`, `y0s`: as in `simulate_mission`; the batched arrays follow from the declared
+      shapes, as in `simulate_batch`.
     - `t0`: the time at which the first phase starts, s, for all runs, or (runs,).
     - `accuracy`, `num_saved`, `throw`: as in `simulate_mission`.
     - `in_axes`: as in `simulate_batch`.
 
     **Returns** a `MissionTrajectory` with the runs last and a `Status` for each. A failed run is
-    marked in its own status. Runs are repeated as in `simulate_mission`. Devices, blocks and steps
-    are as in `simulate_batch`.
+    marked in its status. Runs are repeated as in `simulate_mission`. Devices, blocks and steps are
+    as in `simulate_batch`.
 
     **Raises** `InputError` as `simulate_mission` does, and for arrays that disagree about the
-    number of runs. `SimulationError`, if `throw`, for a run that failed."""
+    number of runs. `SimulationError`, if `throw`, for a failed run."""
     check_mission("missions", missions, "simulate_batch")
     missions = captured_as_leaves(missions)
     y0s = as_state(y0s)

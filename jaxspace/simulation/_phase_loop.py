@@ -1,9 +1,9 @@
-"""Phases that follow each other and differ in their numbers alone, by one program in a loop.
+"""Consecutive phases that differ in their numbers only, computed by one program in a loop.
 
-A program holds the vector field, the step and the search for its event for each phase. The fall
-under a first parachute, the wait for the second one and the fall under both are of one structure,
-and a loop over them holds these parts once: where most of the wait is compilation, that is what it
-takes. A duration is run as an event that does not happen within it.
+A program contains the vector field, the step and the event search of each phase. The fall
+under a first parachute, the wait for the second one and the fall under both have the same
+structure, and a loop over them contains these parts once, which reduces the compilation time. A
+duration is run as an event that does not happen within it.
 """
 
 import dataclasses
@@ -37,7 +37,7 @@ def loop_groups(
     configs: tuple[IntegrationConfig, ...],
 ) -> dict[int, list[int]]:
     """The phases of a mission that can be run in a loop, by the first of each group: each saves its
-    two ends alone, by steps that can be searched for an event.
+    two ends only, with steps that can be searched for an event.
 
     Arguments as of `run_mission`."""
     saved = [num_saved] * len(legs) if isinstance(num_saved, int) else num_saved
@@ -60,7 +60,7 @@ def loop_groups(
 
 def _one_structure(first: Phase, then: Phase) -> bool:
     """Whether two phases, of which one follows the other without a jump, differ in their numbers
-    alone."""
+    only."""
     if first.then is not None or isinstance(first.system, AbstractRunnable):
         return False
     # The loop knows no phase's start when it stacks their numbers.
@@ -75,8 +75,8 @@ def _one_structure(first: Phase, then: Phase) -> bool:
 def run_in_loop(
     phases: Sequence[Phase], y0: State, t0: Scalar, config: IntegrationConfig, run_axes: int
 ) -> list[Trajectory] | None:
-    """The results of these phases up to their jumps, of which the last one alone may have one; and
-    `None` where one of them does not locate its event as its steps are taken.
+    """The results of these phases up to their jumps, of which only the last one may have one; and
+    `None` where one of them does not locate its event during its steps.
 
     `t0`: where the first one starts, s."""
     events = [phase.until for phase in phases if isinstance(phase.until, Event)]

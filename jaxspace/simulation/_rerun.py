@@ -79,7 +79,7 @@ def with_stored_steps(
 def restarts_of(
     t0: float, y0: State, crossings: tuple[Crossings, ...]
 ) -> list[tuple[float, State]]:
-    """Times, s, and states from which one run goes on: its start, and its jumps in place."""
+    """Times, s, and states from which one run continues: its start, and its in-place jumps."""
     starts = [(t0, y0)]
     for each in crossings:
         if each.after is not None:

@@ -1,4 +1,4 @@
-"""Runs in which an event changes the state and which then go on, such as a ball on a floor.
+"""Runs that continue after an event changes the state, such as a bouncing ball.
 
     y(t_k+) = then(t_k, y(t_k-)),   g(t_k, y(t_k-)) = 0        k = 1, 2, ... up to the capacity
 
@@ -53,8 +53,8 @@ class Restarts(NamedTuple):
 
 
 class _RunState(NamedTuple):
-    """Progress of a run: time, state, status, restarts of each event, what ended it, and the events
-    of its last instant."""
+    """Progress of a run: time, state, status, restarts of each event, the terminal event, and the
+    events of its last instant."""
 
     t: Array
     y: State
@@ -70,8 +70,7 @@ def restarts_between(
     """All restarts from `t0` to `t1`, s, (*runs,); events without `then` end the run, and so does a
     restart beyond the capacity.
 
-    Events that happen at one time each have a restart of their own, in the listed order
-    (`_instants`)."""
+    Simultaneous events each have a separate restart, in the listed order (`_instants`)."""
     runs = runs_of(y0, integrator.run_axes)
     axes = (1,) * len(runs)
     capacities = [0 if event.then is None else event.capacity for event in events]

@@ -1,6 +1,6 @@
 """Runs of a system, in the layout of the physics: one run or many, runs last.
 
-`simulate` has no axis of runs; `simulate_batch` and the campaigns of `dispersion` have one.
+`simulate` has no batch axis; `simulate_batch` and the campaigns of `dispersion` have one.
 """
 
 import dataclasses
@@ -121,7 +121,7 @@ def _to_event(
 def _with_restarts(
     integrator: Integrator, y0: State, asked: Array, events: tuple[Event, ...]
 ) -> Trajectory:
-    """A run that goes on from the jumps of its events, through `asked`, (times, *runs)."""
+    """A run that continues after the jumps of its events, through `asked`, (times, *runs)."""
     run_axes = integrator.run_axes
     result = restarts_between(integrator, y0, asked[0], asked[-1], events)
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(asked.dtype)

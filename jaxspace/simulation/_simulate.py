@@ -66,7 +66,7 @@ def simulate(
     - `accuracy`: the relative tolerance of each step, 1e-9 by default; an `Accuracy`; or the error
       at the end that is asked for, a `FinalError`.
     - `events`: the run stops at the first zero of any of these. At the zeros of an event with
-      `terminal=False` it goes on, after the jump if the event has one, and every zero is returned
+      `terminal=False` it continues, after the jump if the event has one, and every zero is returned
       (`Trajectory.crossings`).
     - `dense`: whether to save the steps, for states between the save times (`Trajectory.at`).
     - `throw`: whether to raise `SimulationError` for a failed run; otherwise read its `status`.
@@ -124,7 +124,8 @@ def simulate(
 
 
 def _place(result: Trajectory, run: Callable[..., Trajectory]) -> str:
-    """Where a run failed; repeated by `run` with its steps, which only a failed run needs."""
+    """Location of the failure of a run; computed by repeating `run` with its steps, for failed runs
+    only."""
     status, steps = int(result.status), None
     # A closed form takes none, and there may be no memory for those of another method.
     if result.config.method != "closed_form":

@@ -44,9 +44,9 @@ def simulate_mission(
     - `mission`: phases, each with its own system, its end and its jump.
     - `y0`: the initial state of the first phase.
     - `t0`: the time at which it starts, s.
-    - `accuracy`: the relative tolerance of each step, 1e-9 by default; an `Accuracy`; or the error
-      at the end that is asked for, a `FinalError`.
-    - `num_saved`: how many states each phase saves, from its start to its end.
+    - `accuracy`: the relative tolerance of each step, 1e-9 by default; an `Accuracy`; or a
+      requested final error, a `FinalError`.
+    - `num_saved`: number of states saved per phase, from its start to its end.
     - `throw`: whether to raise `SimulationError` for a failed run; otherwise read its `status`.
 
     **Returns** a `MissionTrajectory`, with a `Trajectory` for each phase. It is differentiable, in

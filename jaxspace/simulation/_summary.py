@@ -25,7 +25,7 @@ MOST_COMPONENTS = 4
 
 @runtime_checkable
 class PrintedRun(Protocol):
-    """What is printed of a `Trajectory`; its fields are described there."""
+    """The printed fields of a `Trajectory`; they are described there."""
 
     @property
     def ts(self) -> Array: ...
@@ -45,7 +45,7 @@ class PrintedRun(Protocol):
 
 @runtime_checkable
 class PrintedMission(Protocol):
-    """What is printed of a `MissionTrajectory`; its fields are described there."""
+    """The printed fields of a `MissionTrajectory`; they are described there."""
 
     @property
     def phases(self) -> Sequence[PrintedRun]: ...
@@ -86,7 +86,7 @@ class Summary(NamedTuple):
 
 
 def summary_of_run(run: PrintedRun, facts: Sequence[Row] = ()) -> Summary:
-    """Printed form of a `Trajectory`; the shapes alone while it is traced.
+    """Printed form of a `Trajectory`; only the shapes while it is traced.
 
     `facts`: more of them, before how it ended."""
     title = f"{'Trajectory' if run.control is None else 'Closed loop'} of "
@@ -126,7 +126,7 @@ def _sampled(run: PrintedRun) -> list[PyTree]:
 
 
 def summary_of_mission(result: PrintedMission) -> Summary:
-    """Printed form of a `MissionTrajectory`; the shapes alone while it is traced."""
+    """Printed form of a `MissionTrajectory`; only the shapes while it is traced."""
     count = len(result.phases)
     title = f"Mission of {count} phase{'s' if count > 1 else ''}"
     if not _has_numbers(result):
@@ -164,7 +164,7 @@ def _of_runs(status: Int[Array, "*runs"]) -> str:
 
 
 def _system(run: PrintedRun) -> str:
-    """The name of the system of a run; the phases of `Campaign.outputs` hold none."""
+    """The name of the system of a run; the phases of `Campaign.outputs` have none."""
     return "a phase" if run.call is None else type(run.call.system).__name__
 
 

@@ -1,4 +1,4 @@
-"""Runs to the first of their events, which each run meets at its own time.
+"""Runs to the first of their events, which occurs at an individual time for each run.
 
 A method whose steps have a polynomial locates the event in the integration that runs up to it
 (`integrate_to_event`). Otherwise one integration searches for it, and another one runs up to it
@@ -166,8 +166,8 @@ def through_times_to_event(
 ) -> Trajectory:
     """`search_to_event` for save times `ts`, s, (times,) or (times, *runs).
 
-    `through(times, found)`: the run through these times, of which each run has its own: those up to
-    what was found."""
+    `through(times, found)`: the run through these times, individual for each run: those up to the
+    event found."""
     # Every run ends at its own time, and so has its own save times.
     asked = of_each_run(ts, runs_of(y0, integrator.run_axes))
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(asked.dtype)

@@ -1,4 +1,4 @@
-"""The tolerance for which the error at the end is what a user asks for (`FinalError`).
+"""The tolerance that yields the final error requested by the user (`FinalError`).
 
 Runs with ever smaller tolerances r_0 > r_1 > ... differ at their ends by d_k = |y_k - y_k+1|, which
 is about the error of the run k, and errors fall with the tolerance by a power p:
@@ -8,13 +8,13 @@ is about the error of the run k, and errors fall with the tolerance by a power p
 
 with a safety S; of two differences, because the errors of two runs may be equal by chance. After
 jumps at events the errors follow no power: the latest difference is not taken to fall. The run with
-E <= 1, in units of what is asked, is returned. A tolerance is a number of the program: all runs are
-one program. Each run of a batch has its own, and keeps it where the others need more. Under a
-transformation the search is a loop without derivatives, and the last run is made once more, with
-them.
+E <= 1, in units of the requested error, is returned. A tolerance is a number of the program: all
+runs are one program. Each run of a batch has its own, which is unchanged when the others need more.
+Under a transformation the search is a loop without derivatives, and the last run is made once more,
+with them.
 
-Of a closed form the error is that of its roundings: `AMPLIFIED` times what roundings of the initial
-state and of the times change.
+Of a closed form the error is that of its roundings: `AMPLIFIED` times the change due to rounding of
+the initial state and of the times.
 """
 
 import dataclasses
@@ -75,12 +75,12 @@ class Search(NamedTuple):
 
     - `rtol`: the tolerance of the next run, or of the result; `made`: those of the last two, the
       later one last.
-    - `last`: what was measured of the last run; `apart`: how far it is from the one before.
-    - `estimate`: its error, in units of what is asked.
+    - `last`: the measured errors of the last run; `apart`: how far it is from the one before.
+    - `estimate`: its error, in units of the requested one.
     - `loose`: the tolerance of the first run, whether it is good, and its evaluations.
-    - `price`: how many times the evaluations a tenth of the error takes.
+    - `price`: factor on the evaluations for a tenth of the error.
     - `over`: whether the last run is the result.
-    - `runs`: how many were made, with so many `evaluations`."""
+    - `runs`: number of runs, with their total `evaluations`."""
 
     rtol: Float[Array, "*runs"]
     made: Float[Array, "2 *#runs"]
@@ -218,7 +218,7 @@ def begun(now: Measured, rtol: Rtol | float, least: float) -> Search:
 def _rounded(
     simulated: Callable[[tuple, Rtol], Result], parts: tuple, asked: FinalError, rtol: Rtol
 ) -> list[Measured]:
-    """What is measured of closed forms after roundings of the initial state and of the times."""
+    """The measured errors of closed forms after rounding of the initial state and of the times."""
     (system, y0, ts), options = parts
     eps, runs = float(jnp.finfo(state_dtype(y0)).eps), rtol.ndim
     # By other signs, because the effects of two roundings may cancel.
@@ -292,7 +292,7 @@ def advance(s: Search, now: Measured, least: Scalar) -> Search:
 def _price(
     loose: tuple[Rtol, Bool[Array, "*runs"], Array], rtol: Rtol, now: Measured, power: Rtol
 ) -> Float[Array, "*runs"]:
-    """How many times the evaluations of this run another one takes that has a tenth of its error.
+    """Factor on the evaluations of this run for a tenth of its error.
 
     Evaluations grow with the tolerance by a power, which is that between the loosest run and this
     one: the steps of two closer ones would differ by their roundings to whole numbers. Not a
@@ -304,8 +304,8 @@ def _price(
 
 
 def _is_exact(result: Simulated) -> bool:
-    """Whether closed forms alone give the result. Raises `InputError` where no tolerance decides
-    the steps."""
+    """Whether the result consists of closed forms only. Raises `InputError` where no tolerance
+    decides the steps."""
     configs = [phase.config for phase in result.phases]
     for config in configs:
         if config.fixed_step:
@@ -332,7 +332,7 @@ def _with_estimate(result: Result, search: Search, missed: Bool[Array, "*runs"])
 
 
 def _best(search: Search) -> str:
-    """The sentence that says what was reached."""
+    """The message about the reached error."""
     estimate = np.asarray(search.estimate)
     if estimate.ndim > 0 or not np.isfinite(estimate):
         return ""

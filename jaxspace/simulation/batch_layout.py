@@ -39,7 +39,7 @@ def _declared(tree: PyTree, undeclared: int, least: int) -> PyTree[bool]:
 
 @once_per_structure
 def _by_declaration(systems: PyTree, y0s: PyTree, times_carry_runs: bool) -> tuple[PyTree, PyTree]:
-    """Which leaves of the systems and of the states carry runs."""
+    """The batched leaves of the systems and of the states."""
     # At least two runs: an axis of length one is a shared number that broadcasts.
     flags = (_declared(systems, 0, 2), _declared(y0s, 1, 2))
     if any(jax.tree.leaves((flags, times_carry_runs))):

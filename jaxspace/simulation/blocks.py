@@ -66,8 +66,9 @@ class Blocks(NamedTuple):
     def on(cls, devices: Sequence[jax.Device], runs: NumRuns) -> "Blocks":
         """The division of these `runs` on the devices.
 
-        On CPUs a block is what fits the cache. On an accelerator it is what keeps the whole device
-        busy, because a block lasts as long as its longest run; the blocks are alike."""
+        On CPUs a block is sized to fit the cache. On an accelerator it is sized to keep the whole
+        device busy, because a block lasts as long as its longest run; all blocks have the same
+        size."""
         size = BLOCK
         if devices[0].platform != "cpu":
             blocks = -(-runs // (ACCELERATOR_BLOCK * len(devices)))
@@ -83,9 +84,9 @@ class Blocks(NamedTuple):
     ) -> PyTree:
         """`function(piece, shared)` of one block at a time, with the runs last everywhere.
 
-        Each device takes an equal part of the blocks. The last block is padded with copies of the
-        last run. `order`: that in which the runs fill the blocks, by default their own; the results
-        are in the order of `batched`."""
+        Each device processes an equal part of the blocks. The last block is padded with copies of
+        the last run. `order`: that in which the runs fill the blocks, by default their own; the
+        results are in the order of `batched`."""
         runs = jax.tree.leaves(batched)[0].shape[-1]
         parts = 1 if self.mesh is None else self.mesh.size
         # Whole blocks only, so that one program serves all of them.

@@ -34,7 +34,7 @@ TOLERANCES = ("tol", "tolerance", "rel_tol", "reltol", "abs_tol", "abstol", "sol
 
 
 def hints_of_arguments(verb: Verb) -> Verb:
-    """The verb, which says what to write in place of an argument that it does not have. It raises
+    """The verb, with a helpful error for unknown arguments. It raises
     `TypeError` for one, as every function does."""
     known = [*inspect.signature(verb).parameters]
 
@@ -48,7 +48,7 @@ def hints_of_arguments(verb: Verb) -> Verb:
 
 
 def _hint(name: str, known: list[str]) -> str:
-    """What to write in place of an unknown argument, to the end of the sentence."""
+    """The replacement for an unknown argument, as the end of the message."""
     if name in Accuracy.__dataclass_fields__:
         return f": give accuracy=Accuracy({name}=...)."
     if name in TOLERANCES:
@@ -76,8 +76,8 @@ def check_times(ts: object, y0: PyTree, axes: int = 1) -> Array:
 
 
 def as_times(name: str, x: object, y0: State, allowed: str) -> Array:
-    """Times in the precision of the state. Raises `InputError`, which says what is `allowed`, for
-    anything but real numbers."""
+    """Times in the precision of the state. Raises `InputError`, which names the `allowed` values,
+    for anything but real numbers."""
     dtype = state_dtype(y0)
     # Even a conversion that changes nothing would run a program.
     if isinstance(x, jax.Array) and x.dtype == dtype and not x.weak_type:
@@ -121,7 +121,7 @@ def shapes_after(
 ) -> PyTree:
     """The shapes of the state after a jump, from those of the time and of the state before.
 
-    Raises `InputError`, which names the jump, where it cannot take them or returns no state."""
+    Raises `InputError`, which names the jump, if it fails for them or does not return a state."""
     try:
         after = _jumped(jump, t, y)
     except InputError:
@@ -206,7 +206,7 @@ def _check_axes(system: AbstractSystem, y0: PyTree, derivative: PyTree) -> None:
 def _check_one_run(system: AbstractSystem, y0: PyTree) -> None:
     """Raise `InputError` for an array with more axes than its field declares components.
 
-    A single integration would take the same steps for all of them, and have one status."""
+    A single integration would use the same steps for all of them, and have one status."""
     # Arrays without a declaration, such as a state of bare arrays, may have any axes.
     axes = run_axes_of((system, y0), lambda x: 0)
     leaves = jax.tree_util.tree_flatten_with_path((system, y0))[0]
@@ -256,7 +256,7 @@ def as_events(given: object) -> tuple[Event, ...]:
 
 
 def has_restarts(events: tuple[Event, ...]) -> bool:
-    """Whether one of the events jumps and lets the run go on."""
+    """Whether one of the events jumps and the run continues."""
     return any(event.then is not None for event in events)
 
 
@@ -270,7 +270,7 @@ def check_dense(dense: bool, events: tuple[Event, ...]) -> None:
 
 
 def check_jump(event: Event, t: Time, y: PyTree, name: str) -> None:
-    """Raise `InputError` for a jump in place that returns another state than it takes."""
+    """Raise `InputError` for an in-place jump that changes the structure of the state."""
     if event.then is None:
         return
     after = shapes_after(event.then, t, y, f"{name}.then")
@@ -291,7 +291,7 @@ def check_events(
 ) -> None:
     """Raise `InputError` for a condition that is not one number for each run.
 
-    `name` is that of an event, for the sentence, with a place for its number."""
+    `name` is that of an event, for the message, with a placeholder for its number."""
     if events:
         names = tuple(name.format(number) for number in range(len(events)))
         _check_events(events, system, y0, t, run_axes, names)
@@ -334,5 +334,5 @@ def _check_events(
 
 
 def first_line(error: Exception) -> str:
-    """The first line of what an error says, for a sentence of one line."""
+    """The first line of the text of an error, for a one-line message."""
     return (str(error).splitlines() or [""])[0]

@@ -1,8 +1,9 @@
 """Results of failed runs: NaN in place of numbers, and errors.
 
 A JAX program raises an error through a Python function that it calls. JAX reports the exception of
-this function twice: in its log, with a traceback, and as an error whose message holds the traceback
-of the call and ends with the exception. Here the log is shortened to the sentence of the failure.
+this function twice: in its log, with a traceback, and as an error whose message contains the
+traceback of the call and ends with the exception. Here the log is shortened to the message of the
+failure.
 """
 
 import dataclasses
@@ -35,9 +36,9 @@ def nan_where_failed(tree: T, status: Array) -> T:
 
 
 def mask_mission(result: MissionTrajectory) -> MissionTrajectory:
-    """The result of a mission with NaN for what a failed run did not reach within the tolerance: in
-    each phase (`mask_invalid`), and in the final state and the end of a mission or branch that
-    failed."""
+    """The result of a mission with NaN for states that a failed run did not reach within the
+    tolerance: in each phase (`mask_invalid`), and in the final state and the end of a mission or
+    branch that failed."""
     # By its own phases, because a branch may succeed where another one fails.
     main = result.without_branches()
     final, end = nan_where_failed((main.final, main.end), main.status)
@@ -70,12 +71,12 @@ def loud(result: T) -> T:
 
 
 def place_of_failure(status: int, dense: DenseOutput | None, t0: float, y0: PyTree) -> str:
-    """Time and state at which a single run failed, as a sentence.
+    """Time and state at which a single run failed, as a message.
 
     **Arguments**
 
-    - `dense`: the steps of the run; `None` for a closed form, which takes none, and where there are
-      too many to store.
+    - `dense`: the steps of the run; `None` for a closed form, which has none, and if there are too
+      many to store.
     - `t0`, `y0`: its start, s, and the state there."""
     if dense is None:
         return f"The run starts at t = {t0:.6g} s with {_numbers_of(y0)}."
@@ -95,8 +96,8 @@ def place_of_failure(status: int, dense: DenseOutput | None, t0: float, y0: PyTr
 
 
 def enough_steps(dense: DenseOutput, t0: float, t1: float, max_steps: int) -> str:
-    """Estimated number of further steps of a run whose steps ran out, as a sentence; empty where
-    the steps shorten too fast for an estimate.
+    """Estimated number of further steps of a run that reached the maximum number of steps, as a
+    message; empty where the steps shorten too fast for an estimate.
 
     The number of steps is extrapolated as a power of the time, fitted to the last half of them: it
     grows with the square of the time where a torque spins a body up.
@@ -135,8 +136,8 @@ def _numbers_of(y: PyTree) -> str:
 
 
 def _numbers(result: Any) -> dict[str, Any]:
-    """The arrays of a trajectory that the run has computed: neither the arguments of its call, nor
-    what its controller holds, which may be no numbers."""
+    """The arrays of a trajectory computed by the run: neither the arguments of its call nor the
+    content of its controller, which may be non-numeric."""
     left = ("call", "control")
     fields = [f for f in dataclasses.fields(result) if not f.metadata.get("static", False)]
     numbers = {f.name: getattr(result, f.name) for f in fields if f.name not in left}

@@ -1,5 +1,5 @@
-"""Results of the verbs from those of runs: with what was run, errors for failed runs, and the
-warnings of their systems."""
+"""Results of the verbs from those of runs: with the call, errors for failed runs, and the warnings
+of their systems."""
 
 import dataclasses
 import warnings
@@ -27,7 +27,7 @@ def with_calls(
     accuracy: Accuracy,
     configs: tuple[IntegrationConfig, ...],
 ) -> MissionTrajectory:
-    """The result with what was run in each phase."""
+    """The result with the call of each phase."""
     legs, _ = legs_of(mission)
     phases = []
     for run, leg, config in zip(result.phases, legs, configs, strict=True):
@@ -43,14 +43,14 @@ def finished(
     result: Result, throw: bool, where: Callable[[], str] | None = None, *, stacklevel: int
 ) -> Result:
     """The result of a verb, with the warnings of its systems. Raises for a failed run, if `throw`,
-    and says `where`; `stacklevel` is that of the verb."""
+    and reports `where`; `stacklevel` is that of the verb."""
     if throw:
         result = raise_failures(result, where)
     return warn_after(result, stacklevel + 1)
 
 
 def raise_failures(result: Result, where: Callable[[], str] | None = None) -> Result:
-    """The result, unless a run in it failed: then `SimulationError`, which says `where`.
+    """The result, unless a run in it failed: then `SimulationError`, which reports `where`.
 
     Under a transformation the error is attached to every array of the result and to its
     derivatives."""

@@ -50,8 +50,8 @@ def legs_of(mission: Mission) -> tuple[tuple[Leg, ...], tuple[str, ...]]:
 
 
 def check_one_line(mission: Mission, what: str) -> None:
-    """Raise `InputError` for a mission with branches or with a `start`, because `what` takes one
-    sequence of phases."""
+    """Raise `InputError` for a mission with branches or with a `start`, because `what` requires a
+    single sequence of phases."""
     _, names = legs_of(mission)
     if names:
         raise InputError(

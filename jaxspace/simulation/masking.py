@@ -1,4 +1,4 @@
-"""NaN in place of what a failed run did not reach."""
+"""NaN in place of states that a failed run did not reach."""
 
 import dataclasses
 from typing import TypeVar
@@ -71,7 +71,7 @@ def mask_invalid(result: Trajectory) -> Trajectory:
     """The result with NaN for states that a failed run did not reach within its tolerance.
 
     These are all states after the first for a status of `WITHOUT_BOUND`, and every state with a
-    block that is not finite. Crossings already hold only those before a failure."""
+    block that is not finite. Crossings already contain only those before a failure."""
     run_axes = result.status.ndim
     good = True
     for block in jax.tree.leaves(result.states):

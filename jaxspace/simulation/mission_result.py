@@ -169,7 +169,8 @@ Result = TypeVar("Result", bound=Simulated)
 
 
 def status_of_all(main: Int[Array, "*runs"], branches: Iterable[BranchEnd]) -> Int[Array, "*runs"]:
-    """The status of a mission with its `branches`: the first failure, or else its own status."""
+    """The status of a mission with its `branches`: the first failure, or else the status of the
+    mission itself."""
 
     def with_branch(status: Array, branch: BranchEnd) -> Array:
         # The success of a branch says nothing about the mission.
@@ -179,8 +180,8 @@ def status_of_all(main: Int[Array, "*runs"], branches: Iterable[BranchEnd]) -> I
 
 
 def numbers_of(result: Result) -> Result:
-    """Times, states, status and counts of a result, without what was run, its steps and its
-    controller: a compiled program can return them."""
+    """Times, states, status and counts of a result, without its call, its steps and its controller:
+    a compiled program can return them."""
     # They hold functions, which no compiled program returns.
     left = {"call": None, "control": None, "dense": None}
     phases = [dataclasses.replace(phase, **left) for phase in result.phases]

@@ -66,8 +66,8 @@ def run_mission(
     - `num_saved`: number of states that each phase saves from its start to its end; or the
       `SaveTimes` of each phase.
     - `configs`: one for each phase, from `resolve_phases`.
-    - `rolled`: whether phases that differ in their numbers alone share a program (`run_in_loop`),
-      which compiles sooner and takes other steps."""
+    - `rolled`: whether phases that differ in their numbers only share a program (`run_in_loop`),
+      which compiles faster and uses different steps."""
     legs, branch_names = legs_of(mission)
     saved = [num_saved] * len(legs) if isinstance(num_saved, int) else num_saved
     groups = loop_groups(legs, num_saved, configs) if rolled else {}

@@ -1,5 +1,5 @@
-"""Runs of one phase of a mission, to its end after a duration, or at an event that each run meets
-at its own time."""
+"""Runs of one phase of a mission, to its end after a duration, or at an event, which occurs at an
+individual time for each run."""
 
 import dataclasses
 from typing import NamedTuple, TypeAlias

@@ -30,8 +30,8 @@ def resolve_phases(
     """The configuration of every phase, in the order of `legs_of`, before anything is compiled.
 
     The structure of the state in a phase follows from the jumps before it. `small`: whether the
-    steps of many runs are a small program, by
-    default by the mission alone, so that a run does not depend on how many others there are."""
+    steps of many runs are a small program, by default determined by the mission only, so that a run
+    does not depend on the number of others."""
     configs, operations = resolve_and_count(mission, y0, accuracy, run_axes)
     # The operations of the fields of all phases together, which are one program.
     if run_axes and (is_small(Runs.MANY, operations) if small is None else small):

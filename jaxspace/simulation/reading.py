@@ -1,4 +1,4 @@
-"""Results that hold a trajectory and offer its attributes."""
+"""Results that contain a trajectory and expose its attributes."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 
 class AbstractRun(HashedModule):
-    """A run that holds more than its `trajectory`, and has the attributes of the trajectory as
-    well."""
+    """A run that contains more than its `trajectory`, and also has the attributes of the
+    trajectory."""
 
     trajectory: eqx.AbstractVar[Trajectory]
 
@@ -78,8 +78,8 @@ class AbstractRun(HashedModule):
         return len(self.trajectory)
 
     def along(self, function: Callable[[AbstractSystem, Scalar, State], PyTree]) -> PyTree:
-        """`function(system, t, y)` at every time of every run (`Trajectory.along`). Of a closed
-        loop the system has no commands."""
+        """`function(system, t, y)` at every time of every run (`Trajectory.along`). The system of a
+        closed loop has no commands."""
         return self.trajectory.along(function)
 
     def to_xarray(self) -> "xarray.Dataset":

@@ -1,8 +1,8 @@
 """Runs that are repeated because of the way in which they failed: for all verbs.
 
-Steps that ran out: a run of a batch is repeated by the method that suits its own numbers, and after
-that with the exact part of its motion in closed form. Fixed steps that missed the tolerance: with
-more of them.
+Runs of a batch that reached the maximum number of steps are repeated with the method that suits
+their numbers, and after that with the exact part of their motion in closed form. Fixed steps that
+missed the tolerance: with more of them.
 """
 
 from collections.abc import Callable
@@ -37,8 +37,8 @@ def cured(
     - `result`, `configs`: of the first attempt.
     - `again(result, rows, configs, block)`: the result with the runs of these numbers repeated, in
       blocks of this size.
-    - `configs_for(rows, exact)`: what suits the numbers of these runs; with the exact part of their
-      motion in closed form, where there is one, if it shall be `exact`.
+    - `configs_for(rows, exact)`: the settings that suit the numbers of these runs; with the exact
+      part of their motion in closed form, where available, if `exact`.
     - `exactly`: whether that may be tried."""
     if not is_concrete(result.status):
         return result, configs

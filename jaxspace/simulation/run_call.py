@@ -1,4 +1,4 @@
-"""What was run, as the result of a run holds it."""
+"""The call of a run, as stored in its result."""
 
 from typing import NamedTuple
 
@@ -8,8 +8,8 @@ from ..integration.config import IntegrationConfig
 
 
 class RunCall(NamedTuple):
-    """What was run: the system and the accuracy, as the caller gave them, and the method and the
-    tolerances that follow from the accuracy."""
+    """The call of a run: the system and the accuracy given by the caller, and the resulting method
+    and tolerances."""
 
     system: AbstractSystem
     accuracy: Accuracy

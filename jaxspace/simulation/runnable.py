@@ -1,5 +1,4 @@
-"""Interface of an object that integrates itself, for the phase of a mission in place of a
-system."""
+"""Interface of an object that integrates itself, for use in a mission phase instead of a system."""
 
 from abc import abstractmethod
 
@@ -18,8 +17,8 @@ class AbstractRunnable(HashedModule):
     """An object that a phase runs in place of a system, such as a closed loop: it integrates
     itself, with sample times that are known before it starts.
 
-    - `system`: the system that moves.
-    - `longest`: how long the run may take, s; `None` where it is not known yet."""
+    - `system`: the underlying system.
+    - `longest`: longest duration of the run, s; `None` where it is not known yet."""
 
     system: eqx.AbstractVar[AbstractSystem]
     longest: eqx.AbstractVar[float | None]

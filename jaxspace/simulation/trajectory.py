@@ -49,18 +49,18 @@ class Trajectory(HashedModule):
     - `status`: a `Status` for each run, (*runs,). A failed run has NaN in place of all states that
       it did not reach within the tolerance.
     - `event`: number of the event that stopped the run, -1 for none.
-    - `happened`: whether each event happened at that time, (events, *runs): two conditions can be
-      zero at once.
+    - `happened`: whether each event happened at that time, (events, *runs): several conditions can
+      be zero simultaneously.
     - `stats`: steps, evaluations of the vector field, largest local error in units of the
       tolerance.
-    - `dense`: the steps of the run, if `dense=True`; they do not hold the exact part of the motion
-      (`AbstractSystem.decoupled`).
+    - `dense`: the steps of the run, if `dense=True`; they do not contain the exact part of the
+      motion (`AbstractSystem.decoupled`).
     - `crossings`: every zero of each event that is not terminal, as `Crossings`; in a failed run,
       those before the failure.
     - `control`: in a phase that is a closed loop, its `commands` and `readings`, with the shapes of
       the states, and the `memory` of the controller at the end; otherwise `None`.
-    - `call`: what was run; `None` within `Campaign.outputs`, whose functions have the numbers
-      alone.
+    - `call`: system and settings of the run; `None` within `Campaign.outputs`, whose functions have
+      access to the numbers only.
 
     It is read as the result of a mission of one phase, too: `phases`, `end`, `branches`,
     `evaluations`."""
@@ -135,13 +135,13 @@ class Trajectory(HashedModule):
 
     # Its own class, for callers that take either result: `Self` cannot be checked at run time.
     def with_phases(self, phases: "Iterable[Trajectory]", status: Array) -> Any:
-        """The result with another phase in place of its own, and another status."""
+        """The result with another phase and another status."""
         (run,) = phases
         return dataclasses.replace(run, status=status)
 
     @property
     def undisturbed(self) -> bool:
-        """Whether the system alone changed the state, without jumps at events or a controller."""
+        """Whether only the system changed the state, without jumps at events or a controller."""
         return self.control is None and not self._jumps
 
     def __getitem__(self, k: int) -> State:
@@ -211,7 +211,7 @@ class Trajectory(HashedModule):
         It is the run itself where that `has_steps`. Otherwise it is repeated from its first state,
         by the same method and with the same tolerances, up to its last finite state.
 
-        **Raises** `InputError` for a batch (take `run.of(i)`) and for a closed loop."""
+        **Raises** `InputError` for a batch (use `run.of(i)`) and for a closed loop."""
         if self.control is not None:
             raise InputError(
                 "The run is a closed loop, which cannot be repeated without its controller: "
@@ -325,8 +325,8 @@ class Trajectory(HashedModule):
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again)
 
     def check_repeatable(self, what: str) -> None:
-        """Raise `InputError` for a run that its system alone does not reproduce: a run with jumps
-        in place (`Event.then`), or of a closed loop."""
+        """Raise `InputError` for a run that cannot be reproduced from its system only: a run with
+        in-place jumps (`Event.then`), or a closed loop."""
         if self.control is not None:
             raise InputError(
                 f"{what} repeats a run without its controller and is not available for a closed "

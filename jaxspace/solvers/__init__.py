@@ -1,7 +1,7 @@
 """Integrators written as diffrax solvers, and their step control. No physics.
 
 Every solver integrates one run or many at once; the runs are on the last axes of every block of the
-state. A solver declares its `traits`, from which the integration loop knows what it needs.
+state. A solver declares its `traits`, which tell the integration loop its requirements.
 """
 
 from typing import TYPE_CHECKING

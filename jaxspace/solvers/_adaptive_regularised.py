@@ -4,10 +4,10 @@ passes, perturbed or not.
     dz/d(sigma) = f(t, z)                     z: regularised variables; the last one is the time
     q'' = f(q, c), t = T(q, q') + int g(q)     where the perturbation has a potential
 
-Every run takes its own steps, in its own time. With a potential the method is RKN 12(10), otherwise
-DOP853. A step that would pass the next save time is replaced by one whose length follows from the
-unperturbed motion. This is repeated until two terms of a series cover the remaining time
-(`regularised_step.py`).
+Every run has individual steps, in its own fictitious time. With a potential the method is RKN
+12(10), otherwise DOP853. A step that would pass the next save time is replaced by one whose length
+follows from the unperturbed motion. This is repeated until two terms of a series cover the
+remaining time (`regularised_step.py`).
 
     symbol  meaning
     sigma   fictitious time
@@ -36,7 +36,7 @@ LANDINGS = 4
 @final
 class AdaptiveRegularised(AbstractFieldSolver):
     """Adaptive steps in regularised variables, of order 12 where the perturbation has a potential
-    and of order 8 elsewhere; each run of a batch takes its own steps.
+    and of order 8 elsewhere; each run of a batch has individual steps.
 
     For systems that offer such variables, as a scene of `PointGravity` and any accelerations does.
     A step ends at every save time, which costs one or two more steps for each. The absolute

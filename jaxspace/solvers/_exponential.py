@@ -107,8 +107,8 @@ class ExponentialRosenbrock(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver)
 
     In every step the linear part of the motion about the state is exact, however fast it oscillates
     or decays. Only the rest, the change of the Jacobian along the step, limits the step. Steps may
-    thus be long compared with fast linear motion, whose states are right at their ends. Fast motion
-    that is not linear makes the error large and the steps short.
+    therefore be long compared with fast linear motion, whose states are accurate at their ends.
+    Fast motion that is not linear makes the error large and the steps short.
 
     Five evaluations a step, and a Jacobian of n + 1 directional derivatives for a state of n
     components: for states of some twenty components at most. Steps land on every save time.

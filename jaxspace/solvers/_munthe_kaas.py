@@ -1,6 +1,6 @@
 """Steps on a group: the Runge-Kutta-Munthe-Kaas method around any one-step method.
 
-For each block of the state that lies on a group,
+For each block of the state on a group,
 
     y(t) = y_0 moved(x(t))            x' = coordinate_rate(x, y')            x(t_0) = 0
 
@@ -57,7 +57,7 @@ def _moved(y0: State, local: State) -> State:
 def _coordinate_rate(
     s: Float[Array, ""], local: State, args: tuple[diffrax.AbstractTerm, State, PyTree]
 ) -> State:
-    """The derivative of the coordinates; `args` holds the terms, the state at the start of the
+    """The derivative of the coordinates; `args` contains the terms, the state at the start of the
     step, and the arguments of the terms."""
     terms, y0, inner = args
     # Behind a barrier, because the vector field and the rate of the coordinates read the state.

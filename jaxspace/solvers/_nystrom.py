@@ -5,7 +5,7 @@ velocity.
     r_1 = r + h v + h^2 sum_i b_i k_i            v_1 = v + h sum_i b'_i k_i
 
 Every Runge-Kutta method becomes a Runge-Kutta-Nystrom method for such a system: its matrix is
-squared, and b = b' a. The velocities at its stages are nowhere needed: what it sums of them is
+squared, and b = b' a. The velocities at its stages are not needed: their weighted sum is
 
     sum_i w_i v_i = (sum_i w_i) v + h sum_j (w a)_j k_j
 
@@ -83,7 +83,7 @@ RKN12 = NystromTableau(
 
 @jax.custom_jvp
 def _held_in_derivatives(x: Vectors) -> Vectors:
-    """The same vectors, with a `barrier` in their derivative alone.
+    """The same vectors, with a `barrier` in their derivative only.
 
     Reverse mode then computes the contribution of a sum of stages once, and not for each of its
     rates. A barrier of the values would compile longer."""

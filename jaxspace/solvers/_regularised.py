@@ -6,8 +6,8 @@ eccentric orbits and close passes.
 
 The steps are those of DOP853 (order 8). The predicted fictitious time of a duration, sigma(t1 - t,
 z), is exact for the unperturbed motion; with a perturbation a short time remains after the steps.
-Three further blocks of a few short steps land, each over the remaining time. Derivatives hold the
-steps fixed and take the landing to be exact: sigma' = (t1' - t') / (dt/d(sigma)).
+Three further blocks of a few short steps land, each over the remaining time. Derivatives treat the
+steps as constant and the landing as exact: sigma' = (t1' - t') / (dt/d(sigma)).
 
     symbol  meaning
     sigma   fictitious time

@@ -81,8 +81,8 @@ def _hermite(
     """H_ik at x, and its derivative.
 
     Of a sum of two products a processor may round either one by itself: in a kernel for other
-    numbers of runs the other one. Here one of both is behind a barrier, so that a run has the same
-    bits beside any neighbours."""
+    numbers of runs the other one. Here one of both is behind a barrier, so that a run is
+    bit-identical with any neighbours."""
 
     def column(values: np.ndarray) -> np.ndarray:
         return values.reshape(*values.shape, *(1,) * x.ndim).astype(x.dtype)
@@ -101,8 +101,8 @@ def _hermite(
 
 
 class _HermiteOutput(AbstractDenseOutput):
-    """States within a step: `q` holds q_i, q_i' and q_i'' in the order of `_hermite`; `travel` is
-    the change of the position in the step for a velocity of ones."""
+    """States within a step: `q` contains q_i, q_i' and q_i'' in the order of `_hermite`; `travel`
+    is the change of the position in the step for a velocity of ones."""
 
     t0: Float[Array, ""]
     t1: Float[Array, ""]

@@ -83,7 +83,7 @@ def within_step(
     last: int,
     rows: tuple[Weights, ...],
 ) -> dict[str, object]:
-    """What the dense output reads, from the states at both `ends` and all derivatives: that at the
+    """The data of the dense output, from the states at both `ends` and all derivatives: that at the
     end is number `last`, and `rows` are the weights of the coefficients r_i."""
     y0, y1 = ends
     if not dense:
@@ -108,7 +108,7 @@ def within_step(
 
 
 def _start_alone(y0: State) -> dict[str, object]:
-    """What is kept of a step within which no state is needed."""
+    """The data of a step without interior states."""
     # Not left for the compiler to remove, because each first call would trace and lower it.
     return dict(y0=y0, y1=None, k0=None, k1=None, rest=None)
 
@@ -149,9 +149,9 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
       slower. Set for derivatives of single runs.
     - `in_parts`: whether the error of a step is returned as its `EmbeddedErrors`. Set for the
       errors of tangents.
-    - `second_order`: whether the system is known to be r' = v, v' = a(t, r). A step then sums the
-      accelerations at its stages alone, which takes less time and gives the same numbers up to
-      rounding. `simulate` sets it."""
+    - `second_order`: whether the system is known to be r' = v, v' = a(t, r). A step then sums only
+      the accelerations at its stages, which is faster and gives the same numbers up to rounding.
+      `simulate` sets it."""
 
     dense: bool = eqx.field(static=True, default=True)
     in_loop: bool = eqx.field(static=True, default=False)
@@ -293,5 +293,5 @@ class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
         return Advance(y1, error, self._within(h, y0, y1, ks), carried=ks[-1], projected=True)
 
     def _within(self, h: Array, y0: State, y1: State, ks: list[State] | State) -> dict[str, object]:
-        """What the dense output reads."""
+        """The data of the dense output."""
         return within_step(self.dense, h, (y0, y1), ks, 6, (tableau.TSIT5_DENSE,))

@@ -1,4 +1,4 @@
-"""Splitting: alternating exact drifts and exact kicks, for motion that is nearly the drift alone.
+"""Splitting: alternating exact drifts and exact kicks, for motion that is close to the drift.
 
     S(h) = K(h/2) D(h) K(h/2)            order 2 (Strang); others in `_split_schemes.py`
 
@@ -49,7 +49,7 @@ class Splitting(AbstractFieldSolver, AbstractFixedStep):
 
     The error of each segment is estimated by a second solution with 0.62 times as many steps. Steps
     longer than a radian of the orbit, or two of the rotation, have their kicks at effectively
-    random places: there no order holds, and the estimate is four times the difference.
+    random places: the order is lost there, and the estimate is four times the difference.
 
     Order 6 steps back and forth beyond the ends of a segment. A kick that depends on the time is
     there that of the end.

@@ -34,7 +34,7 @@ class AbstractDenseOutput(diffrax.AbstractLocalInterpolation):
         return jax.tree.map(jnp.subtract, self.state(t1), self.state(t0))
 
     def fraction(self, t: Float[Array, "*#runs"]) -> Float[Array, "*#runs"]:
-        """Fraction of the step that lies before `t`."""
+        """Fraction of the step before `t`."""
         h = self.t1 - self.t0
         # Also evaluated for a step of no length, although nothing reads the result.
         return (t - self.t0) / jnp.where(h == 0.0, 1.0, h)

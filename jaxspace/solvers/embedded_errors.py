@@ -17,7 +17,7 @@ from ..core.square_roots import inverse_sqrt
 
 
 class EmbeddedErrors(NamedTuple):
-    """The errors of orders 5 and 3: linear in what a step does, as their `blend` is not."""
+    """The errors of orders 5 and 3: linear in the step, unlike their `blend`."""
 
     fifth: Array
     third: Array

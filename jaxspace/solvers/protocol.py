@@ -34,22 +34,22 @@ from .tolerances import Tolerance
 from .vector_field import FieldOfStep, ScaledField, StepField, evaluate, just_before
 
 Step: TypeAlias = tuple[State, State, dict[str, PyTree], PyTree, diffrax.RESULTS]
-"""What the `step` of a solver returns: the state after it, its error, what the dense output needs,
-the state of the solver, and whether the step succeeded."""
+"""The result of the `step` of a solver: the state after it, its error, the data of the dense
+output, the state of the solver, and whether the step succeeded."""
 
 
 class SolverTraits(NamedTuple):
     """Properties of a method that the integration loop uses.
 
-    - `replayable`: a step can be repeated from the state before it alone. Derivatives along
+    - `replayable`: a step can be repeated from its initial state only. Derivatives along
       recorded steps need this.
     - `lands_on_save_times`: it has no dense output, so that a step ends at every save time.
-    - `fixed_step`: it takes a given number of steps in each segment; their error is compared with
+    - `fixed_step`: it uses a given number of steps in each segment; their error is compared with
       the tolerance afterwards.
     - `needs`: the capability of the system by which it integrates, if any.
     - `evaluations`: evaluations of the vector field per step of the loop, which for a fixed-step
       method is a whole segment.
-    - `individual_steps`: every run of a batch takes its own steps, in variables of the method.
+    - `individual_steps`: every run of a batch has individual steps, in variables of the method.
     - `steps`: number of steps counted per step of the loop: 1, or the fixed steps of a segment.
     - `linear`: its steps are linear combinations of derivatives, so that all blocks of a state can
       be packed into one vector.
@@ -86,12 +86,11 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
         return self
 
     def small_program(self) -> diffrax.AbstractSolver:
-        """The same method as a program that compiles sooner and runs slower, if it has one."""
+        """The same method as a program that compiles faster and runs slower, if available."""
         return self
 
     def linear_errors(self) -> diffrax.AbstractSolver:
-        """The same method with an estimate of the error that is linear in what the step does; as by
-        default."""
+        """The same method with an error estimate that is linear in the step; as by default."""
         return self
 
     def for_second_order(self) -> diffrax.AbstractSolver:
@@ -170,7 +169,7 @@ class AbstractFieldSolver(AbstractDeclaredSolver):
 
 
 class AbstractFixedStep(AbstractDeclaredSolver):
-    """A method that takes `steps` equal steps in each segment of normalised time.
+    """A method with `steps` equal steps in each segment of normalised time.
 
     For diffrax all of them are one step, from one state to one state. Nothing is thus carried over
     a place where the vector field jumps, and a segment can be repeated for derivatives."""
@@ -222,7 +221,7 @@ def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:
 def _evaluations(solver: diffrax.AbstractSolver) -> int:
     """Stages of a Runge-Kutta method of diffrax; one for other methods, where they are unknown.
 
-    An implicit stage counts once, however many iterations its root takes."""
+    An implicit stage counts once, independent of the iterations of its root finder."""
     tableau = getattr(solver, "tableau", None)
     if not isinstance(tableau, diffrax.ButcherTableau):
         return 1
@@ -306,15 +305,15 @@ def refine(solver: diffrax.AbstractSolver, factor: int) -> diffrax.AbstractSolve
 
 
 def small_program(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
-    """The same method as a program that compiles sooner and runs slower, if it has one."""
+    """The same method as a program that compiles faster and runs slower, if available."""
     if isinstance(solver, diffrax.AbstractWrappedSolver):
         return _wrapping(solver, small_program(solver.solver))
     return solver.small_program() if isinstance(solver, AbstractDeclaredSolver) else solver
 
 
 def linear_errors(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
-    """The same method with an error in parts that are linear in what the step does, so that their
-    tangents are the errors of a tangent; `Tolerance` and `whole_error` put them together."""
+    """The same method with an error in parts that are linear in the step, so that their tangents
+    are the errors of a tangent; `Tolerance` and `whole_error` put them together."""
     if isinstance(solver, diffrax.AbstractWrappedSolver):
         return _wrapping(solver, linear_errors(solver.solver))
     return solver.linear_errors() if isinstance(solver, AbstractDeclaredSolver) else solver
@@ -330,7 +329,7 @@ def for_second_order(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
 
 def forward_mode(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
     """The same method with stages that forward mode can differentiate, as its adjoint in diffrax
-    sets them: by default reverse mode alone goes through those of diffrax."""
+    sets them: by default those of diffrax support reverse mode only."""
     if isinstance(solver, diffrax.AbstractWrappedSolver):
         return _wrapping(solver, forward_mode(solver.solver))
     if getattr(solver, "scan_kind", "") is not None:
@@ -353,7 +352,7 @@ def _wrapping(
 def _with_root_tolerance(
     solver: diffrax.AbstractImplicitSolver, tolerance: Tolerance
 ) -> diffrax.AbstractSolver:
-    """The implicit solver whose root finder takes the tolerance of the steps."""
+    """The implicit solver whose root finder uses the tolerance of the steps."""
     given = {"rtol": tolerance.rtol, "atol": tolerance.atol, "norm": optimistix.max_norm}
     # diffrax marks with a special object the values that it takes from its own step size
     # controller, which is not used here. Values set by the user are numbers or functions, and are

@@ -45,7 +45,7 @@ class Attempt(NamedTuple):
 
 @quick_jit
 def derivative_in(form: PyTree, t: Scalar, duration: Scalar, z: Regular) -> Regular:
-    """dz/d(sigma) in a segment that starts at the time `t` and takes a `duration`."""
+    """dz/d(sigma) in a segment that starts at the time `t` and lasts a `duration`."""
     z = barrier(z)
     # Steps may pass the end of the segment before they land on it. Beyond the end the perturbation
     # is that just inside of it, because the vector field may jump there.

@@ -1,9 +1,9 @@
-"""Second-order systems in normalised time s, as the solvers of this package take them.
+"""Second-order systems in normalised time s, for the solvers of this package.
 
     dr/ds = dt/ds v        dv/ds = dt/ds a(s, r)        dt/ds: duration of the segment, any unit
 
-Runge-Kutta-Nystrom and Stormer methods sum accelerations into velocities, and take the rate of the
-position from the vector field, so that they do not need dt/ds. A state holds nothing but a position
+Runge-Kutta-Nystrom and Stormer methods sum accelerations into velocities, and obtain the rate of
+the position from the vector field, so that they do not need dt/ds. A state consists of a position
 and a velocity: a `BodyState`, a module or a named tuple with these two fields, or a dictionary with
 these two keys.
 """
@@ -38,7 +38,7 @@ def _names(y: PyTree) -> list[str | None]:
 
 
 def parts_of(y: PyTree) -> tuple[PyTree, PyTree] | None:
-    """Position and velocity of a state, or of its shapes; `None` if one is absent, or if it holds
+    """Position and velocity of a state, or of its shapes; `None` if one is absent, or if there is
     anything else."""
     named = dict(zip(_names(y), jax.tree.leaves(y), strict=True))
     if len(jax.tree.leaves(y)) != 2 or set(named) != set(PARTS):
@@ -47,7 +47,7 @@ def parts_of(y: PyTree) -> tuple[PyTree, PyTree] | None:
 
 
 def moved(y: State, position: Vectors, velocity: Vectors) -> State:
-    """The state `y`, of the kind that `parts_of` takes, with another position and velocity."""
+    """The state `y`, of a kind accepted by `parts_of`, with another position and velocity."""
     given = {"position": position, "velocity": velocity}
     leaves = [given[str(name)] for name in _names(y)]
     return jax.tree.unflatten(jax.tree.structure(y), leaves)
@@ -61,7 +61,7 @@ def _acceleration(terms: AbstractTerm, s: Scalar, r: Vectors, y: State, args: Py
 
 
 def known_parts(y: State) -> tuple[Vectors, Vectors]:
-    """Position and velocity of a state, or of its rate, which must hold them."""
+    """Position and velocity of a state, or of its rate, which must have them."""
     parts = parts_of(y)
     assert parts is not None
     return parts
@@ -98,7 +98,7 @@ class SecondOrder(NamedTuple):
         return moved(self.y0, r, v)
 
     def velocity_matters(self, run_axes: int | None) -> Bool[Array, "*runs"]:
-        """Whether the acceleration of a run changes when it stands still, for each run.
+        """Whether the acceleration of a run changes when its velocity is zero, for each run.
 
         Then no method for second-order systems applies to it. `run_axes`: how many trailing axes
         carry runs; `None` for all but the first, that of the components."""
@@ -137,8 +137,8 @@ def second_order(
 ) -> SecondOrder:
     """The system during the step from `t0` to `t1`.
 
-    Raises `InputError`, which names the `solver`, unless the state holds a position, a velocity and
-    nothing else."""
+    Raises `InputError`, which names the `solver`, unless the state consists of a position and a
+    velocity."""
     parts = parts_of(y0)
     if parts is None:
         raise InputError(

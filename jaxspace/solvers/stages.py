@@ -51,7 +51,7 @@ def weighted_rows(weights: Float[Array, "rows *#runs"], rows: Array) -> Array:
 
 
 def combine(y: State | None, h: Array, weights: Weights, ks: list[State] | State) -> State:
-    """y + h sum_i w_i k_i, leaf by leaf; a `y` of `None` stands for zero.
+    """y + h sum_i w_i k_i, leaf by leaf; a `y` of `None` means zero.
 
     `ks` is a list, or one tree with the stages on the first axis of its leaves (`stage_loop`)."""
     if isinstance(ks, list):
@@ -110,9 +110,10 @@ def stage_loop(
 ) -> State:
     """k_i = derivative(c_i, sum_j a_ij k_j) for each row of `a`, by a loop, as one tree.
 
-    The program holds the vector field once, and not once for each stage. It compiles several times
-    sooner, derivatives most of all. Simple fields run somewhat slower, because each stage reads all
-    derivatives, also those of weight zero. `like` has the structure of the derivatives."""
+    The program contains the vector field once, instead of once for each stage. It compiles several
+    times sooner, derivatives most of all. Simple fields run somewhat slower, because each stage
+    reads all derivatives, also those of weight zero. `like` has the structure of the
+    derivatives."""
 
     # Evaluated again in reverse mode, because storing what it computes at every stage takes more
     # time. The sum is outside: it is linear, and reverse mode needs nothing of it.

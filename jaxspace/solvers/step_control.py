@@ -46,7 +46,7 @@ Decision = tuple[
     PyTree,
     diffrax.RESULTS,
 ]
-"""What `adapt_step_size` returns: whether the step is accepted, start and end of the next one,
+"""The result of `adapt_step_size`: whether the step is accepted, start and end of the next one,
 whether the vector field may jump between them, the state of the controller, and the result."""
 
 
@@ -63,7 +63,7 @@ class StepControl(NamedTuple):
 
 
 class Following(NamedTuple):
-    """What follows a step of each run: whether it is accepted, start and end of the next one,
+    """The decision after a step of each run: whether it is accepted, start and end of the next one,
     whether the vector field may jump between them, and the state of the control."""
 
     accept: Bool[Array, "*runs"]
@@ -81,8 +81,8 @@ class StepController(eqx.Module):
     their times, the worst one decides.
 
     - `tolerance`: the allowed error of a step.
-    - `lengths`: the relative lengths of the segments, of all runs or of each, so that a step keeps
-      its length in time from one to the next.
+    - `lengths`: the relative lengths of the segments, of all runs or of each, so that the length of
+      a step in time carries over from one to the next.
     - `longest`: the longest step that is allowed in each segment, in normalised time.
     - `first_step`: the length from which the first step is found by trial, in normalised time, such
       as `FIRST_STEP`. This costs a step or two, and saves another copy of the vector field in the
@@ -115,7 +115,8 @@ class StepController(eqx.Module):
         order: Scalar,
         state: StepControl,
     ) -> Following:
-        """What follows a step from `t0` to `t1` with these `errors`, in units of the tolerance."""
+        """The decision after a step from `t0` to `t1` with these `errors`, in units of the
+        tolerance."""
         before, begun, rejected = state
         ds = t1 - t0
         errors = self._of_times(errors, t0)

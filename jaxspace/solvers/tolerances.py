@@ -27,7 +27,7 @@ from .embedded_errors import EmbeddedErrors, blended_square, is_in_parts
 @final
 class Tolerance(eqx.Module):
     """The allowed error of a step: `rtol` times the length of each block of the state, plus `atol`;
-    one for all runs or each run its own, (*runs,).
+    common to all runs or individual, (*runs,).
 
     - `run_axes`: how many trailing axes carry runs.
     - `blocks`: for a state packed into one vector, the sizes of its blocks; empty where each array
@@ -44,7 +44,7 @@ class Tolerance(eqx.Module):
         """The length of a block, or of its error, for each run, (*runs); of blocks in a vector,
         (blocks, *runs).
 
-        It has no derivative, because no result depends on it."""
+        It is not differentiated, because no result depends on it."""
         if isinstance(block, EmbeddedErrors):
             # One root for the block, where its components would need one each.
             return jnp.sqrt(self._sums(blended_square(*jax.lax.stop_gradient(block))))
@@ -84,7 +84,7 @@ class Tolerance(eqx.Module):
     def largest(self, blocks: PyTree, scale: PyTree[Float[Array, "..."]]) -> Float[Array, "*runs"]:
         """The largest length of the blocks in units of the tolerance, for each run.
 
-        `scale` holds the length of each block of the state."""
+        `scale` contains the length of each block of the state."""
 
         def ratio(b: Array | EmbeddedErrors, s: Array) -> Array:
             return self.length(b) / (self.atol + self.rtol * s)

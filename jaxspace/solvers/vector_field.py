@@ -21,8 +21,8 @@ from ..core.jit import quick_jit
 class ScaledField(Protocol):
     """The `args` of a step: the vector field in normalised time, and the parts of it.
 
-    Most methods only evaluate it. Those that integrate by a capability of the system use the
-    capability, which takes times and durations in seconds."""
+    Most methods only evaluate it. Those that integrate with a capability of the system use the
+    capability, which expects times and durations in seconds."""
 
     def __call__(self, s: Scalar, y: State) -> State:
         """dy/ds at the normalised time `s`."""
@@ -66,7 +66,8 @@ def _field(t: Scalar, y: State, field: ScaledField) -> State:
 
 
 TERM: diffrax.ODETerm = diffrax.ODETerm(_field)  # pyright: ignore[reportArgumentType]
-"""The vector field as diffrax takes it; the field itself is the argument `args` of every step."""
+"""The vector field in the form of diffrax; the field itself is the argument `args` of every
+step."""
 
 
 @final

@@ -4,7 +4,7 @@
 
     symbol  meaning                              unit
     m, C    mean and covariance of d outputs     theirs, and the products of them
-    k       size in standard deviations           1
+    k       size in standard deviations          1
 
 The ellipsoid contains the share P only for a normal distribution. The circular error probable is a
 percentile of the runs, and valid for any distribution.
