@@ -26,10 +26,9 @@ PAGES = {
 START = """\
 # {title}
 
-Figures of Thomson, *Introduction to Space Dynamics*, and of Harrison and
-Nettleton, *Advanced Engineering Dynamics* (H), and some that they only
-describe. Each script stands alone; `python examples/gallery/draw.py` draws
-them all in the style of this page."""
+Figures of Thomson, *Introduction to Space Dynamics*, and of Harrison and Nettleton, *Advanced
+Engineering Dynamics* (H), and figures of problems that they describe. Each script is
+self-contained; `python examples/gallery/draw.py` draws all figures in the style of this page."""
 
 
 # What takes a derivative of a run or of a formula, or searches by them.
@@ -43,50 +42,49 @@ hide: [toc]
 ---
 # Gallery
 
-What do you want to do? Each picture leads to the code that draws it, on one
-screen, and to the functions behind it. The lower names are the figures of the
-books; [From the textbook](../reference/from_the_textbook.md) begins with those.
-Below stand the lines of the code, and the seconds of processor time that it took
-when `python examples/gallery/draw.py` drew all the figures in one process: with
-compilation, but for programs that an earlier figure had compiled.
+Each picture links to the code that draws it and to the functions that it uses. The captions give
+the figure numbers of the books, which are listed in [From the
+textbook](../reference/from_the_textbook.md). Below each caption: lines of code and CPU time when
+`python examples/gallery/draw.py` draws all figures in one process, including compilation of
+programs that no earlier figure had compiled.
 """
 GOALS = {
-    "Change an orbit": (
+    "Orbit transfers": (
         "porkchop low_thrust_transfer fig_4_11_2 coaxial_ellipses fig_4_16_1 "
         "fig_4_16_2 fig_4_16_3"
     ),
-    "Climb": (
+    "Ascent": (
         "gimballed_ascent dispersed_ascent transfer_payload flexible_gains "
         "fig_8_5_1 fig_8_3_1 fig_8_1_2 fig_8_4_2 fig_8_4_3 fig_8_4_4"
     ),
-    "Land inside a circle": (
+    "Landing and recovery": (
         "windy_landing upright_landing branches booster_return air_brake "
         "roll_control fig_4_17_2 envelope"
     ),
-    "Keep a spinning stage pointing": (
+    "Spinning stages": (
         "epicycle converging_spiral fig_7_9_3 fig_7_8_2 fig_7_3_2 fig_7_4_3"
     ),
-    "Hold or stop a satellite": (
+    "Satellite stabilisation and despin": (
         "stability_map fig_7_5_3 swing_out_arms fig_7_6_4 fig_9_8_3"
     ),
-    "Choose an orbit": (
+    "Orbits": (
         "fig_4_9_2 fig_4_10_1 fig_4_13_2 fig_4_13_4 fig_4_18_1 ground_track "
         "rosettes h_5_6 h_5_7"
     ),
-    "See how a free body turns": (
+    "Free rotation": (
         "fig_5_10_5 fig_5_10_3 fig_5_10_4 fig_5_11_1 h_4_14 fig_5_8_2 fig_5_9_1 "
         "thrown_disk"
     ),
-    "Spin a top": (
+    "Tops and precession": (
         "fig_5_13_3 h_4_21 fig_5_13_2 h_4_19 fig_5_14_2 h_4_20 h_4_25 "
         "gyro_on_a_string spherical_pendulum shaft_pendulum coin_rattle "
         "earth_precession"
     ),
-    "Point and navigate by gyros": (
+    "Gyroscopic instruments and navigation": (
         "gyrocompass_paths navigation_errors rate_gyro_response fig_6_8_3 "
         "fig_6_2_2 fig_6_2_3 gimbal_walk"
     ),
-    "Study a mechanism": (
+    "Mechanisms": (
         "double_pendulum hoop_bifurcation resonance_curve mode_shapes "
         "trailer_roots rolling_cycloid centrodes"
     ),
@@ -187,7 +185,7 @@ def _figure(script: Script) -> str:
         f"![{script.name}](../figures/gallery/{script.path.stem}.png)\n\n"
         f"{script.caption}\n\n"
         f"<small>`python examples/gallery/draw.py {script.path.stem}`: "
-        f"{_size(script)} of processor time{_derivatives(script)}. Uses {uses}"
+        f"{_size(script)} of CPU time{_derivatives(script)}. Uses {uses}"
         "</small>\n\n"
         f"```python\n{script.code}\n```"
     )

@@ -277,4 +277,4 @@ def test_examples_of_an_object_are_named(monkeypatch):
     lines = "orbits.lambert.lambert(r, s, 1.0, mu)\nT(1.0, 2.0, 3.0).state([0, 0, 0], [0, 0, 0])"
     assert uses.used(code, lines) == ["attitude.Top", "orbits.lambert.lambert"]
     found = uses.examples()["orbits.lambert.lambert"]
-    assert "gallery/orbits/#find-the-transfer-window" in {example.address for example in found}
+    assert "gallery/orbits/#transfer-window" in {example.address for example in found}

@@ -1,10 +1,10 @@
-"""See where chaos begins
+"""Onset of chaos
 Poincare section of a double pendulum
 
-Each time the upper rod swings through the vertical to the right, the lower
-one's angle and rate leave a dot (9.3). With little energy every motion stays
-on a closed curve, a mixture of the two modes; with more, the curves between
-break up and one motion fills an area: chaos."""
+Each time the upper rod swings through the vertical to the right, the angle
+and rate of the lower rod are plotted as a dot (9.3). At low energy every
+motion lies on a closed curve, a mixture of the two modes; at higher energy
+the curves between them break up and a single chaotic motion fills an area."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,8 +1,8 @@
-"""Strike a gyro
+"""Gyro after an impulse
 Fig. 6.2-2: a gyro after an impulse
 
-The end of the axis of a gyro in gimbals without mass, struck about the inner
-axis: it runs round a circle of the size $M/H$ at the nutation frequency."""
+The end of the axis of a gyro in massless gimbals after an impulse about the
+inner axis: a circle of radius $M/H$, at the nutation frequency."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

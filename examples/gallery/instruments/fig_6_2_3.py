@@ -1,9 +1,9 @@
-"""Push a gyro
+"""Gyro under a steady moment
 Fig. 6.2-3: a gyro under a steady moment
 
-The end of the axis of a gyro in gimbals without mass under a moment about the
-inner axis, applied at rest: a cycloid, which is a steady precession and a
-nutation."""
+The end of the axis of a gyro in massless gimbals under a constant moment
+about the inner axis, applied at rest: a cycloid, the superposition of a
+steady precession and a nutation."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

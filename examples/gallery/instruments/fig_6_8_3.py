@@ -1,9 +1,9 @@
-"""Hold a platform still
+"""Stable platform under a torque
 Fig. 6.8-3: a platform under a torque
 
-The gyro of a stable platform about one axis, after a torque of 0.01 N m is
-applied: without servo it nutates about $Tt/h$, with a servo it takes the
-torque up at once. Beside it the frequency response of both."""
+The gyro of a single-axis stable platform after a torque of 0.01 N m is
+applied: without a servo it nutates about $Tt/h$, with a servo the torque is
+compensated immediately. Right: the frequency response of both."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

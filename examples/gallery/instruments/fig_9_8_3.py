@@ -1,9 +1,9 @@
-"""Know how antennas tilt a spin
+"""Attitude drift caused by flexible antennas
 Fig. 9.8-3: drift of a satellite with whip antennas
 
-The rate at which the bending of antennas tilts the axis of a spinning
-satellite, against its tilt: it peaks at the resonance, where the cosine of
-the tilt is one over the ratio of spin to antenna frequency."""
+The drift rate of the axis of a spinning satellite caused by the bending of
+its antennas, against its tilt: it peaks at the resonance, where the cosine of
+the tilt is the inverse ratio of spin to antenna frequency."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

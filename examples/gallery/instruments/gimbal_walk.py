@@ -1,9 +1,9 @@
-"""Know the drift of gimbals with mass
-Gimbal walk
+"""Gimbal walk
+Drift of a gyro whose gimbals have mass
 
 The outer gimbal of a nutating gyro whose gimbals have mass: with every
-nutation it comes back a little beside where it was. The line is the mean
-drift, exactly; the dashed one is Thomson's 6.3-22."""
+nutation it returns to a slightly different angle. The line is the exact mean
+drift; the dashed line is Thomson's 6.3-22."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

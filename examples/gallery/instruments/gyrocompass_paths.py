@@ -1,11 +1,11 @@
-"""Find north
-The path of a gyrocompass's axis
+"""North-seeking gyrocompass
+Path of the axis of a gyrocompass
 
 The end of the axis, released 5 degrees off the meridian (6.5): without
-damping it goes round an ellipse about its rest, slightly above the horizon;
-with the bail set off to the east it spirals in, to a rest that is a little
-off the meridian. The slow equations in closed form; the elevation is drawn
-twenty times too large, the dots are ten minutes apart."""
+damping it moves on an ellipse about its equilibrium, slightly above the
+horizon; with the bail offset to the east it spirals to an equilibrium
+slightly off the meridian. Closed form of the slow equations; the elevation is
+enlarged twenty times, and the dots are ten minutes apart."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,9 +1,10 @@
-r"""See a rest lose its stability
-A bead on a turning hoop
+r"""Bifurcation of a bead on a rotating hoop
+A bead on a rotating hoop
 
-Where the bead rests against the rate of the hoop, in units of the rate
-$\sqrt{g/r}$ at which the bottom becomes unstable, and the squared frequency
-of small swings about these places, by `studies.modes`."""
+Equilibrium positions of the bead against the rotation rate of the hoop, in
+units of the rate $\sqrt{g/r}$ at which the bottom becomes unstable, and the
+squared frequency of small oscillations about these positions, computed with
+`studies.modes`."""
 
 import jax
 import jax.numpy as jnp

@@ -1,9 +1,10 @@
-"""Choose the gain of an autopilot
+"""Autopilot gain of a flexible missile
 Mode shapes of a missile and root locus of its autopilot
 
-The first bending shapes of a free beam, and the roots of a flexible missile
-with a swivelling engine as the gain of its autopilot grows, with the gyro at
-the mass centre and at the nose: there the second mode grows at once."""
+The first bending modes of a free beam, and the roots of a flexible missile
+with a gimballed engine for increasing autopilot gain, with the gyro at the
+centre of mass and at the nose, where the second mode is unstable for any
+gain."""
 
 import jax
 import jax.numpy as jnp

@@ -1,9 +1,9 @@
-"""Navigate for a day
+"""Inertial navigation errors over one day
 Errors of an inertial navigator over a day
 
-A strapdown navigator in an aircraft at 200 m/s, whose gyros drift by 0.01
-deg/h and whose accelerometers have a bias of 50 micro-g: Schuler's period of
-84 minutes, in a beat with the earth's rotation."""
+A strapdown navigator in an aircraft at 200 m/s with a gyro drift of 0.01
+deg/h and an accelerometer bias of 50 micro-g: the Schuler period of 84
+minutes is modulated by the Earth's rotation."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,10 +1,10 @@
-"""Measure a rate
-Response of a rate gyro
+"""Response of a rate gyro
+Step and frequency response of a rate gyro
 
-The gimbal of a rate gyro after a step of the rate of its case (6.6), over
-the angle that it reaches in the end, and its answer to rates that swing. With
-0.6 to 0.7 of the critical damping it settles soonest, and its amplitude is
-flat up to the natural frequency."""
+The gimbal angle of a rate gyro after a step of the input rate (6.6), relative
+to its final angle, and the response to oscillating rates. With 0.6 to 0.7 of
+the critical damping the settling time is shortest and the amplitude is flat
+up to the natural frequency."""
 
 import jax
 import jax.numpy as jnp

@@ -1,10 +1,10 @@
-r"""Find the amplitude of a soft spring
-Resonance of a softening spring
+r"""Resonance of a softening spring
+Resonance curve of a softening spring
 
 The amplitude of $m\ddot y + c\dot y + ky - by^3 = F\sin pt$ against the
-frequency of the force, by harmonic balance (6.3 P3, P4): the curve leans over
-to low frequencies, and between the two vertical tangents it has three
-amplitudes, of which the middle one is unstable: the oscillator jumps."""
+frequency of the force, by harmonic balance (6.3 P3, P4): the curve bends
+towards low frequencies, and between the two vertical tangents there are three
+amplitudes. The middle one is unstable, so the oscillator jumps."""
 
 import jax
 import jax.numpy as jnp

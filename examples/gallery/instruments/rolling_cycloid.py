@@ -1,12 +1,12 @@
-r"""Roll a disk down an incline
+r"""Rolling disk on an incline
 A disk on an incline rolls along a cycloid
 
-A thin disk that turns about its vertical while it rolls on an incline (9.9)
-does not run away downhill: it comes back to rest again and again, on the
-cycloid $x = a(1-\cos 2nt)$, $y = a(2nt-\sin 2nt)$ with
-$a = g\sin\alpha/6n^2$, and drifts across the slope. With some roll at the
-start its cusps stand at uneven distances; with more, it never rests, and its
-path has loops. Simulated with its constraints; dotted, the closed form."""
+A thin disk that rotates about its vertical while it rolls on an incline (9.9)
+does not run away downhill: it repeatedly returns to rest on the cycloid
+$x = a(1-\cos 2nt)$, $y = a(2nt-\sin 2nt)$ with $a = g\sin\alpha/6n^2$, and
+drifts across the slope. With some initial roll rate its cusps are unevenly
+spaced; with more, it never comes to rest, and its path has loops. Simulated
+with constraints; dotted: the closed form."""
 
 import jax
 import jax.numpy as jnp

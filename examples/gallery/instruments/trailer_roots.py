@@ -1,9 +1,9 @@
-r"""Load a trailer so that it follows
+r"""Stability of a trailer
 Roots of a trailer
 
-The roots of a trailer behind a hitch that yields, as its wheel moves back
-from the mass centre: unstable for $ac < \rho^2$, whatever the speed and the
-stiffness, and following where $ac > \rho^2$ (Thomson 9.10, problem 22)."""
+The roots of a trailer with a flexible hitch, as its wheel moves behind the
+centre of mass: unstable for $ac < \rho^2$ at any speed and stiffness, and
+stable for $ac > \rho^2$ (Thomson 9.10, problem 22)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

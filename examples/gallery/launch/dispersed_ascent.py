@@ -1,10 +1,10 @@
-"""Climb so that 99 % of all flights stay up
-A pitch programme for 99 % of all flights
+"""Pitch program for 99 % orbit-insertion success
+A pitch program optimised for 99 % of the flights
 
-The pitch programme of the highest periapsis: of the nominal run, whose search
-ends at a circle, and of what 99 % of the runs exceed (dashed) where thrust,
-specific impulse and drag scatter. The second one gives up some kilometres of
-the best flights, and gains 176 km for the worst."""
+The pitch program with the highest periapsis: for the nominal run, whose
+optimum is a circular orbit, and for the value exceeded by 99 % of the runs
+(dashed) with dispersed thrust, specific impulse and drag. The second one
+loses some kilometres in the best flights, and gains 176 km in the worst."""
 
 from pathlib import Path
 

@@ -1,9 +1,9 @@
-"""Know the speed at burnout
-Velocity at burnout
+"""Velocity at burnout
+Burnout velocity of a single stage
 
-A single stage that rises vertically (8.1): speed at burnout over the share of
-the mass that is left, for three specific impulses; thrust over weight 1.5
-(dashed) and 3."""
+A single stage that rises vertically (8.1): burnout speed against the
+remaining mass fraction, for three specific impulses; thrust-to-weight ratio
+1.5 (dashed) and 3."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,10 +1,10 @@
-r"""Steer to the greatest speed at a height
+r"""Steering for maximum velocity at a given height
 Linear-tangent steering
 
-The ascent with the greatest velocity at the apex (8.3): 3 g for 160 s from
-900 m/s, to 183 km. Left: the burn, the coast, and the direction of the
-thrust. Right: what other steerings lose, $\phi + \epsilon\sin(k\pi t/t_b)$
-with the release turned to meet the height: the optimum is flat."""
+The ascent with the maximum velocity at the apex (8.3): 3 g for 160 s from 900
+m/s, to 183 km. Left: the burn, the coast, and the thrust direction. Right:
+the loss of other steering laws, $\phi + \epsilon\sin(k\pi t/t_b)$ with the
+release angle adjusted to reach the height: the optimum is flat."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

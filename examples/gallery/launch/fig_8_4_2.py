@@ -1,9 +1,10 @@
-"""Split the propellant for a target above
+"""Propellant split for a target above the release
 Propellant used at the start
 
-A target above the release, the duration free (8.4): final velocity over the
-share of the propellant that is used at the start, for some durations. The
-end is at the apex, where the second impulse has nothing to lift."""
+A target above the release point with free duration (8.4): final velocity
+against the fraction of the propellant that is used at the start, for several
+durations. The end is at the apex, where the second impulse has no vertical
+component."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

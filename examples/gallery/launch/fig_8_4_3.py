@@ -1,9 +1,9 @@
-"""Split the propellant for a target below
+"""Propellant split for a target below the release
 Propellant used at the end
 
-A target below the release, the duration free (8.4): the impulse belongs at
-the lower place, which is the end. Curves end where the share cannot lift the
-vehicle, or stop its fall."""
+A target below the release point with free duration (8.4): the impulse should
+be applied at the lower point, which is the end. Curves end where the fraction
+is insufficient to lift the vehicle or to stop its fall."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

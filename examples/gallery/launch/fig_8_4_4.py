@@ -1,9 +1,9 @@
-"""Split the propellant when time is short
+"""Propellant split for a short duration
 Propellant split
 
-A duration that is prescribed and shorter than the free fall from the target
-(8.4): both impulses have vertical work to do, and the best split,
-$V_1/V_2 = W_1/W_2$, has them at the same slope."""
+A prescribed duration shorter than the free fall from the target (8.4): both
+impulses have vertical components, and for the optimal split,
+$V_1/V_2 = W_1/W_2$, they have the same slope."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,9 +1,9 @@
-"""Turn by gravity alone
-Gravity turns
+"""Gravity turns
+Trajectories of gravity turns
 
-The thrust along the velocity, which gravity alone bends (8.5): paths with
-1.5 times the weight as thrust, from 120 m/s at angles of 2 to 30 degrees to
-the vertical, up to 85 degrees; dots each 20 s. The closed form."""
+Thrust along the velocity, with the trajectory curved by gravity only (8.5):
+thrust-to-weight ratio 1.5, from 120 m/s at angles of 2 to 30 degrees from the
+vertical, up to 85 degrees; dots every 20 s. Closed form."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,10 +1,10 @@
-"""Steer a launcher by its gimbals
-Gimbals steer a launcher into orbit
+"""Ascent with gimballed engines
+Gimballed engines steer a launcher into orbit
 
-Two stages in six degrees of freedom, from a scene file: the nozzles turn the
-axis after a table of the pitch, then after a linear tangent (dashed), into a
-circular orbit. Below, the dynamic pressure, and the acceleration that the
-payload feels; the first stage is throttled to 48 m/s^2."""
+Two stages in six degrees of freedom, from a scene file: the nozzles align the
+axis with a pitch table, then with a linear tangent law (dashed), into a
+circular orbit. Below: the dynamic pressure, and the acceleration of the
+payload; the first stage is throttled to 48 m/s^2."""
 
 from pathlib import Path
 

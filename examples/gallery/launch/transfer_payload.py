@@ -1,9 +1,9 @@
-"""Choose a payload for 99 % of all flights
-The payload of a transfer stage, with a reserve
+"""Payload for 99 % mission success
+Payload of a transfer stage with a reserve
 
-The heaviest payload that reaches the geostationary height: of the nominal
-run, and of 99 % of the runs where thrust, specific impulse and the parking
-orbit scatter. Half of the flights of the nominal one fall short (dashed)."""
+The heaviest payload that reaches geostationary altitude: for the nominal run,
+and for 99 % of the runs with dispersed thrust, specific impulse and parking
+orbit. Half of the flights with the nominal payload fall short (dashed)."""
 
 from pathlib import Path
 

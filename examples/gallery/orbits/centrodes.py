@@ -1,9 +1,9 @@
-"""Find the centre of a plane motion
+"""Centrodes of a plane motion
 Centrodes of a ladder
 
-The point of a sliding ladder that is at rest for a moment runs on a circle
-about the corner in space, and on a circle through the ladder's ends in the
-ladder: the small circle rolls within the large one (3.3)."""
+The instantaneous centre of a sliding ladder moves on a circle about the
+corner in space, and on a circle through the ends of the ladder relative to
+the ladder: the small circle rolls within the large one (3.3)."""
 
 import jax
 import jax.numpy as jnp

@@ -1,11 +1,11 @@
-"""Go from one ellipse to another
-Transfer between coaxial ellipses
+"""Transfer between coaxial ellipses
+Transfers between apsides of coaxial ellipses
 
-Two impulses take a satellite from the perigee of an ellipse to the apogee of
-another one on the same line of apsides (4.12), along half an ellipse that
-touches both. Right, what the four ways from apsis to apsis cost against the
-size of the outer ellipse: it is best to leave from the perigee, where the
-speed is highest."""
+Two impulses transfer a satellite from the perigee of an ellipse to the apogee
+of another one with the same line of apsides (4.12), along half an ellipse
+that is tangent to both. Right: the cost of the four transfers between apsides
+against the size of the outer ellipse; departure from the perigee, where the
+speed is highest, is optimal."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

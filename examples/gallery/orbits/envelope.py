@@ -1,9 +1,9 @@
-"""Know what a throw can reach
+"""Reachable region of a projectile
 Envelope of trajectories
 
-Throws at one speed to all sides reach no farther than an ellipse, one focus
-of which is the centre of the Earth and the other the place of the throw
-(2.3 P6 has the flat Earth, where it is a parabola)."""
+The trajectories launched at a given speed in all directions are bounded by an
+ellipse with one focus at the centre of the Earth and the other at the launch
+point (2.3 P6 considers the flat Earth, where the envelope is a parabola)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

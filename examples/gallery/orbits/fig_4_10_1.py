@@ -1,9 +1,9 @@
-r"""Choose the speed of a horizontal launch
+r"""Horizontal launches
 Fig. 4.10-1: launches along the horizon
 
-From one place, for several speeds: $e = \lvert\lambda - 1\rvert$. Below
-$\lambda = 1$ the burnout is the apoapsis, above it the periapsis; from
-$\lambda = 2$ on the orbit stays open."""
+Launches from one point at several speeds: $e = \lvert\lambda - 1\rvert$.
+Below $\lambda = 1$ the burnout point is the apoapsis, above it the periapsis;
+from $\lambda = 2$ on the orbit is open."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,9 +1,10 @@
-"""Know what a change of orbit costs
-Fig. 4.11-2: what a transfer costs
+"""Delta-v of transfers
+Fig. 4.11-2: cost of a Hohmann transfer
 
-Both impulses of the Hohmann transfer between circles, in units of the speed
-on the first one. It costs as much as escape at a ratio of 3.304, and most at
-15.58; beyond 11.94 a transfer by way of a farther apsis can be cheaper."""
+Both impulses of the Hohmann transfer between circular orbits, in units of the
+speed on the first one. It costs as much as escape at a ratio of 3.304, and
+most at 15.58; beyond 11.94 a transfer by way of a more distant apsis can be
+cheaper."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,9 +1,9 @@
-r"""Read speed and heading along an orbit
-Fig. 4.13-2 and 4.13-3: speed and heading along an orbit
+r"""Speed and flight-path angle along an orbit
+Fig. 4.13-2 and 4.13-3: speed and flight-path angle along an orbit
 
-The angle $\beta$ of the path above the horizon against $\lambda = rv^2/\mu$,
-on lines of one eccentricity, which an orbit runs along, and on lines of one
-true anomaly. An impulse leads from one point to another."""
+The flight-path angle $\beta$ against $\lambda = rv^2/\mu$, on lines of
+constant eccentricity, along which an orbit moves, and on lines of constant
+true anomaly. An impulse moves the state from one point to another."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,8 +1,8 @@
-r"""Find the time since the periapsis
+r"""Time of flight from periapsis
 Fig. 4.13-4 and 4.13-5: time of flight from the periapsis
 
-Against the true anomaly, in units of $\sqrt{r_p^3/\mu}$, for ellipses, the
-parabola and hyperbolas by one formula."""
+Time against the true anomaly, in units of $\sqrt{r_p^3/\mu}$, for ellipses,
+the parabola and hyperbolas, computed with one formula."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

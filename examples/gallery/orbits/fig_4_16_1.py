@@ -1,8 +1,9 @@
-"""Choose the path of an interception
+"""Interception trajectories
 Fig. 4.16-1: interception
 
-Conics from one place to another that is 120 degrees on and 1.5 times as far,
-in different times: the shorter the time, the straighter the path."""
+Conics between two points with a transfer angle of 120 degrees and a radius
+ratio of 1.5, for different times: the shorter the time, the straighter the
+trajectory."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,9 +1,10 @@
-"""Choose the time of an interception
-Fig. 4.16-2: what an interception costs
+"""Delta-v of an interception
+Fig. 4.16-2: cost of an interception
 
-The first impulse, from the circle through the start, against the time
-until the target is met, for several angles of transfer to 1.5 times the
-radius; dashed, with the second impulse that keeps to the circle there."""
+The first impulse, from the circular orbit through the departure point,
+against the time of flight, for several transfer angles to 1.5 times the
+radius; dashed: including the second impulse, which circularises the orbit
+there."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

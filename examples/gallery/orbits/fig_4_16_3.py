@@ -1,9 +1,9 @@
-"""Catch up on one's own orbit
+"""Phasing on the same orbit
 Fig. 4.16-3: phasing
 
-A satellite catches up with another on its own circle by waiting N turns on an
-ellipse whose period differs. Both impulses in units of the circular speed
-against the angle by which the other one is ahead."""
+A satellite catches up with another one on the same circular orbit during N
+revolutions on an ellipse with a different period. Both impulses in units of
+the circular speed against the lead angle of the target."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

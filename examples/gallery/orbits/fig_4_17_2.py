@@ -1,10 +1,10 @@
-r"""Know how far a burnout carries
+r"""Range of a ballistic flight
 Fig. 4.17-2: range of a ballistic flight
 
-The angle at the Earth's centre against the angle of the path at burnout, for
-several $\lambda = Rv^2/\mu$. The dashed line joins the longest ranges: for
-$\lambda = 1$ it comes to half of the Earth's circumference along the
-horizon."""
+The central angle against the flight-path angle at burnout, for several
+$\lambda = Rv^2/\mu$. The dashed line connects the maximum ranges: for
+$\lambda = 1$ it reaches half of the Earth's circumference for a horizontal
+launch."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,10 +1,10 @@
-"""Choose a sun-synchronous inclination
-Fig. 4.18-1: what the Earth's bulge does to an orbit
+"""Nodal and apsidal precession due to J2
+Fig. 4.18-1: effects of the Earth's oblateness on an orbit
 
-Mean rates of the node and of the periapsis by J2, in degrees a day, against
-the inclination, 500 km high. The dotted line is the rate of the Sun: where
-the node moves with it, the orbit keeps its angle to the Sun. At 63.4 degrees
-the periapsis stands still."""
+Mean rates of the node and of the periapsis due to J2, in degrees per day,
+against the inclination, at 500 km altitude. The dotted line is the mean
+motion of the Sun: where the node rate equals it, the orbit is
+sun-synchronous. At 63.4 degrees the periapsis is stationary."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,9 +1,8 @@
-r"""Read an orbit off its burnout
+r"""Orbit from burnout conditions
 Fig. 4.9-2: shape of the orbit from the burnout
 
-Eccentricity and true anomaly of the burnout against its speed,
-$\lambda = rv^2/\mu$, for several angles $\beta$ of the path above the
-horizon."""
+Eccentricity and true anomaly at burnout against the speed,
+$\lambda = rv^2/\mu$, for several flight-path angles $\beta$."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,8 +1,9 @@
-"""See what a satellite passes over
+"""Ground track of a satellite
 Ground track of a Molniya orbit
 
-Two revolutions of half a sidereal day each, seen from the turning Earth: for
-hours the satellite hangs over the north. A dot every hour."""
+Two revolutions of half a sidereal day each, relative to the rotating Earth:
+the satellite remains over the northern hemisphere for hours. One dot per
+hour."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

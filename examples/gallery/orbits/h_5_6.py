@@ -1,9 +1,9 @@
-"""Tell whether a circular orbit is stable
+"""Stability of circular orbits
 H 5.6: pseudo-potentials
 
 $U + L^2/(2r^2)$ for attractions $k/r^n$ with the same circular orbit at
-$r = 1$. Up to $n = 3$ the circle lies in a hollow; beyond it stands on a
-summit, from which every disturbance leads away (H 5.4)."""
+$r = 1$. Up to $n = 3$ the circular orbit is at a minimum; beyond, it is at a
+maximum and unstable (H 5.4)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

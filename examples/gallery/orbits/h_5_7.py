@@ -1,10 +1,10 @@
-r"""Find the laws under which orbits close
-H 5.7: closed orbits and orbits that turn
+r"""Closed orbits of power laws
+H 5.7: closed and precessing orbits
 
 The angle between periapsis and apoapsis for attractions $k/r^n$, from nearly
-circular orbits, where it is $\pi/\sqrt{3 - n}$, to long ones. Two lines are
-level: the orbits of the spring and of gravity close whatever their
-shape (H 5.4)."""
+circular orbits, where it is $\pi/\sqrt{3 - n}$, to very eccentric ones. Two
+lines are horizontal: the orbits of the linear spring and of gravity are
+closed for any shape (H 5.4)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

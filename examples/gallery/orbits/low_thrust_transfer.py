@@ -1,10 +1,10 @@
-r"""Raise an orbit by a small thrust
-From a low orbit to geostationary height on one newton
+"""Low-thrust transfer with the Q-law
+From a low orbit to geostationary altitude with one newton
 
-The Q-law steers the thrust of a scene file (case A of Petropoulos, 2004). On
-the left the spiral of two weeks; on the right the semi-major axis beside that
-of a slow spiral of circles. At the end the law sets the eccentricity, which
-costs some hours."""
+The Q-law steers the thrust of a scene file (case A of Petropoulos, 2004).
+Left: the spiral of two weeks; right: the semi-major axis compared with that
+of a slow spiral of circular orbits. At the end the law corrects the
+eccentricity, which takes some hours."""
 
 from pathlib import Path
 

@@ -1,8 +1,9 @@
-"""Find the transfer window
-Fig. 4.16-4: porkchop from the Earth to Mars
+"""Transfer window
+Fig. 4.16-4: porkchop plot from Earth to Mars
 
-Total impulse at departure and arrival over their days, for planets on circles
-in one plane: 200 000 transfers at once by `lambert`."""
+Total impulse at departure and arrival against the departure and arrival
+dates, for planets on coplanar circular orbits: 200 000 transfers in one call
+of `lambert`."""
 
 import jax
 import jax.numpy as jnp

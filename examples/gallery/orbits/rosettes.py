@@ -1,10 +1,10 @@
-r"""Follow an orbit under another law of attraction
+r"""Orbits under power-law attractions
 Rosettes of power laws
 
-Orbits under attractions $k/r^n$, let go along the horizon at 0.6 of the speed
-of the circle. The angle between periapsis and apoapsis, by quadrature, is
-$\pi/2$ for the spring ($n = -1$) and $\pi$ for gravity ($n = 2$): these two
-alone always close."""
+Orbits under attractions $k/r^n$, launched horizontally at 0.6 of the circular
+speed. The angle between periapsis and apoapsis, by quadrature, is $\pi/2$ for
+the linear spring ($n = -1$) and $\pi$ for gravity ($n = 2$): only these two
+are always closed."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

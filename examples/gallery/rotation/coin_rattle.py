@@ -1,9 +1,10 @@
-"""Watch a coin settle
+"""Settling coin
 Rattle of a settling coin
 
-A half dollar that spins down under a small resistance of its contour: as it
-settles its contact runs round faster and faster, and stops at once at the end
-(5.16). Simulated, with the closed forms for small tilts dotted."""
+A half dollar that spins down under a small contour resistance: as it settles,
+its contact point moves around the rim with increasing frequency, and stops
+abruptly at the end (5.16). Simulation, with the closed forms for small tilts
+dotted."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

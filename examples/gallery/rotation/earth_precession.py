@@ -1,11 +1,12 @@
-"""Follow the pole of the Earth
+"""Precession of the Earth's axis
 Precession of the equinoxes
 
-The moon and the sun pull at the Earth's equatorial bulge (5.15): the pole
-goes round that of the ecliptic in 26,000 years, against the spin, and twice
-a month and twice a year it nods. Left, the path among the stars, a dot each
-2,000 years; right, its motion within the first year, without the secular
-part: rings of half a month on the ellipse of half a year."""
+The gravity of the Moon and the Sun acts on the Earth's equatorial bulge
+(5.15): the pole circles that of the ecliptic in 26,000 years, opposite to the
+spin, and nutates twice a month and twice a year. Left: the path among the
+stars, one dot per 2,000 years; right: the motion within the first year,
+without the secular part: loops of half a month on the ellipse of half a
+year."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,10 +1,10 @@
-"""See where a spin can go
+"""Polhodes of a free body
 Fig. 5.10-3: polhodes on Poinsot's ellipsoid
 
-The angular velocities of one energy form an ellipsoid in the body, on which
-each motion keeps to one closed curve: about the axis of greatest moment
-(red), about that of least moment (blue), with the separatrix (black) between
-them."""
+The angular velocities of a given energy form an ellipsoid in the body, on
+which each motion follows a closed curve: about the axis of greatest inertia
+(red) or about that of least inertia (blue), with the separatrix (black)
+between them."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,9 +1,9 @@
-"""Follow the angular velocity in space
+"""Angular velocity in the invariable plane
 Fig. 5.10-4: herpolhode
 
-The path of the angular velocity in the invariable plane, which lies across
-the angular momentum: it goes to and fro between two circles, known in closed
-form, and closes only by chance."""
+The path of the angular velocity in the invariable plane, which is
+perpendicular to the angular momentum: it oscillates between two circles,
+known in closed form, and is closed only in special cases."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

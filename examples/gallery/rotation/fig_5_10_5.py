@@ -1,9 +1,9 @@
-"""Tell which spins are stable
+"""Stability of spins about the principal axes
 Fig. 5.10-5: polhodes along the three axes
 
-Seen along the axes of greatest and least moment the polhodes are ellipses:
-small disturbances of these spins stay small. Seen along the middle axis they
-are hyperbolas: a disturbed spin about it leaves for the other side."""
+Viewed along the axes of greatest and least inertia the polhodes are ellipses:
+small disturbances of these spins remain small. Viewed along the intermediate
+axis they are hyperbolas: a disturbed spin about it is unstable."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

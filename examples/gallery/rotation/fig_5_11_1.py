@@ -1,9 +1,9 @@
-"""Get the rates of a free body
+"""Angular velocity of a free body
 Fig. 5.11-1 to 5.11-3: rates of a free asymmetric body
 
 Moments $A > B > C$. Below $h^2 = 2TB$ the motion circles the axis of least
-moment, above it that of greatest moment. On the border the body approaches
-the spin about the middle axis, in the end for ever."""
+inertia, above it that of greatest inertia. On the separatrix the body
+approaches the spin about the intermediate axis asymptotically."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,9 +1,9 @@
-r"""Find how far a top nods
+r"""Nutation amplitude of a heavy top
 Fig. 5.13-2: the cubic of the heavy top
 
 $\dot u^2 = f(u) = (\alpha - \beta u)(1 - u^2) - (\gamma - Nu)^2$ with
-$u = \cos\theta$: the axis swings between the two roots within -1 and 1; the
-third root lies beyond 1, and the motion never gets there."""
+$u = \cos\theta$: the axis nutates between the two roots within -1 and 1; the
+third root is beyond 1 and has no physical meaning."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,8 +1,8 @@
-"""Let a heavy top go
-Fig. 5.13-3 to 5.13-5: waves, cusps, loops
+"""Nutation of a heavy top
+Fig. 5.13-3 to 5.13-5: wavy, cuspidal and looping nutation
 
-The path of a top's axis on the sphere. Let go at rest it falls, and comes to
-a cusp again and again; a push forwards makes waves, one backwards makes
+The path of the axis of a top on the sphere. Released at rest, it falls and
+reaches cusps; an initial forward precession gives waves, a backward one
 loops. The dashed circles are the turning points in closed form."""
 
 import jax.numpy as jnp

@@ -1,10 +1,10 @@
-"""Hold a steady precession
+"""Moment for a steady precession
 Fig. 5.14-2: moment for a steady precession
 
-The moment that keeps a spinning body at one angle, against the rate of
-precession. Each moment below the summit belongs to two rates, a slow one and
-a fast one; above the horizontal plane the moment has a summit, below it there
-is none."""
+The moment that maintains a spinning body at a constant angle, against the
+precession rate. Each moment below the maximum corresponds to a slow and a
+fast precession; above the horizontal plane the moment has a maximum, below it
+there is none."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

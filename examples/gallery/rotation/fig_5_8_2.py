@@ -1,10 +1,10 @@
-r"""Compute the cones of a free body
+r"""Cone angles of a free body
 Fig. 5.8-2: cones of a free symmetric body
 
-The axis, the angular velocity and the angular momentum lie in one plane.
-Against the angle $\theta$ between axis and momentum: the half-angles of the
-cone that the angular velocity runs along in the body and of the one in space,
-negative where the cones stand side by side."""
+The axis, the angular velocity and the angular momentum are coplanar. Against
+the angle $\theta$ between axis and momentum: the half-angles of the body cone
+and of the space cone of the angular velocity, negative if the cones are
+external to each other."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,10 +1,10 @@
-"""See the cones roll
+"""Rolling cones of a free body
 Fig. 5.9-1 and 5.9-2: direct and retrograde precession
 
 The body cone (red), about the axis, rolls without slip on the space cone
-(blue), about the momentum; they touch along the angular velocity. The space
-cone stands outside the body cone of a slender body and within that of a flat
-one. The black curve is the path of the axis."""
+(blue), about the angular momentum; they touch along the angular velocity. The
+space cone is outside the body cone for a slender body and inside for a flat
+body. The black curve is the path of the axis."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,10 +1,11 @@
-"""Hang a gyro on a string
+"""Gyro suspended from a string
 A gyro on a string
 
-A spinning wheel hangs by one end of its axle from a string and goes round
-(5.14 P20). The spin that a steady motion needs, against the rate at which it
-goes round, for axles that stand up, lie level and hang; right, the shape of
-the level one at four rates: the faster it goes round, the farther out."""
+A spinning wheel is suspended at one end of its axle from a string and
+precesses (5.14 P20). The spin required for a steady motion against the
+precession rate, for inclined, horizontal and hanging axles; right: the shape
+of the horizontal case at four rates; the distance from the axis increases
+with the rate."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,10 +1,10 @@
-r"""See the angular momentum from the body
+r"""Angular momentum in body axes
 H 4.14 to 4.16: Binet's diagrams
 
-In the axes of the body the angular momentum lies on a sphere, since its size
-stays, and on the ellipsoid of its energy, whose semi-axes are $\sqrt{2TI}$.
-Their intersection is its path: about the shortest semi-axis, or from the
-middle one on about the longest (H 4.9)."""
+In body axes the angular momentum is on a sphere, because its magnitude is
+constant, and on the energy ellipsoid, whose semi-axes are $\sqrt{2TI}$. Its
+path is their intersection: about the shortest semi-axis, or, beyond the
+intermediate one, about the longest (H 4.9)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,10 +1,10 @@
-r"""See why a top nods
+r"""Effective potential of a heavy top
 H 4.19: pseudo-potential of the top
 
 $V' = (p_\phi - p_\psi\cos\theta)^2/(2I_1\sin^2\theta) + mgh\cos\theta$: the
-axis stays where $V'$ lies below the energy. The dots are the turning points
-of a top that is let go at rest, the crosses the steady precession with its
-momenta (H 4.11)."""
+axis is confined to the region where $V'$ is below the energy. The dots are
+the turning points of a top released at rest, the crosses the steady
+precession with the same momenta (H 4.11)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

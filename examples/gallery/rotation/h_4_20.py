@@ -1,9 +1,9 @@
-r"""Choose the spin for a steady precession
+r"""Spin for a steady precession
 H 4.20: steady precession against spin
 
-At each angle a slow and a fast precession, from the least spin on; a hanging
-top (above 90 degrees) precesses at any spin, to either side. The dashed line
-is the gyroscopic rate $mgh/(I_3\omega)$ (H 4.11)."""
+At each angle there is a slow and a fast precession above the minimum spin; a
+hanging top (above 90 degrees) precesses at any spin, in both directions. The
+dashed line is the gyroscopic rate $mgh/(I_3\omega)$ (H 4.11)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,8 +1,8 @@
-"""Choose the path of a top's axis
+"""Types of nutation of a top
 H 4.21 to 4.24: the four paths of a top's axis
 
-Nutation against precession for one spin and several first rates of
-precession: steady at its own rate, else waves, cusps and loops between two
+Nutation against precession for a given spin and several initial precession
+rates: steady at one rate, otherwise wavy, cuspidal or looping between two
 circles (H 4.11)."""
 
 import jax.numpy as jnp

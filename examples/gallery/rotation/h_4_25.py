@@ -1,10 +1,10 @@
-r"""Put a top to sleep
+r"""Stability of the sleeping top
 H 4.25: the sleeping top
 
 The pseudo-potential of a top that spins upright: above the critical spin,
-$2\sqrt{mghI_1}/I_3$, it has a hollow at the vertical, and the top sleeps;
-below it the top falls away to a new hollow. On the right the rate at which it
-leaves (H 4.11)."""
+$2\sqrt{mghI_1}/I_3$, it has a minimum at the vertical, and the top is stable
+(sleeping); below it the top falls to a new minimum. Right: the growth rate of
+the instability (H 4.11)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,10 +1,10 @@
-r"""Find where a disk on a turning shaft rests
-A disk on a stem that is pinned to a turning shaft
+r"""Equilibria of a disk on a rotating shaft
+A disk on a stem that is pinned to a rotating shaft
 
 The disk hangs along the shaft up to the rate $\psi'^2 = 4ga/(4a^2-r^2)$ and
-stands out from it beyond (5.14 P12): the rest splits in two. Left, the places
-of rest, the unstable one dashed; right, the frequency of small swings about
-the stable ones, which vanishes where they split."""
+is inclined beyond (5.14 P12): a pitchfork bifurcation. Left: the equilibria,
+the unstable one dashed; right: the frequency of small oscillations about the
+stable ones, which vanishes at the bifurcation."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,9 +1,10 @@
-"""Swing a pendulum around the vertical
+"""Spherical pendulum
 Spherical pendulum from above
 
-The bob of a pendulum that swings around the vertical as well (Ex. 9.8-1),
-seen from above: between two circles it goes on an ellipse that turns forward,
-the faster the wider it is. The conical pendulum stays on one circle."""
+The bob of a pendulum that also moves around the vertical (Ex. 9.8-1), viewed
+from above: between two circles it follows an ellipse that precesses forward,
+faster for larger amplitudes. The conical pendulum moves on a single
+circle."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

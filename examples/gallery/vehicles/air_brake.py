@@ -1,10 +1,10 @@
-"""End a climb at a height
-An air brake to an apogee
+"""Air brake to a target apogee
+An air brake controls the apogee
 
-A sounding rocket whose motor, mass and drag scatter: how high a thousand
-flights climb, with the gains of a first guess, and with those of a descent
-along the derivatives of 64 flights. On the right what the brake does in ten
-of them: it asks a prediction of the apogee twenty times a second."""
+A sounding rocket with dispersed motor, mass and drag: the apogees of a
+thousand flights, with initial gains, and with gains optimised by gradient
+descent over 64 flights. Right: the brake deflection in ten flights; the
+apogee is predicted twenty times per second."""
 
 from pathlib import Path
 

@@ -1,9 +1,9 @@
-"""Let a first stage come back
-A first stage comes back
+"""Return of a first stage
+A first stage returns under a parachute
 
-A launcher from a scene file: after the first stage the mission parts. The
-second stage goes on into its orbit, the empty first stage falls, and comes
-down under a parachute. Crosses mark where the phases end; on the right the
+A launcher from a scene file: after the first stage the mission branches. The
+second stage continues into its orbit, and the empty first stage falls and
+descends under a parachute. Crosses mark the ends of the phases; right: the
 speed relative to the ground."""
 
 from pathlib import Path

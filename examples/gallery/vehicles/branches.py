@@ -1,9 +1,9 @@
-"""Bring every part down
-Parts that come down apart
+"""Separate descent of rocket parts
+Descent of the parts of a rocket
 
-A two-stage sounding rocket: a spring drives the empty first stage off, which
-comes down under a parachute from 2 km; at the apogee the payload leaves the
-second stage, and its own parachute opens at 6 km. All is one mission."""
+A two-stage sounding rocket: a spring separates the empty first stage, which
+descends under a parachute from 2 km; at apogee the payload leaves the second
+stage, and its parachute opens at 6 km. All parts are one mission."""
 
 from functools import partial
 

@@ -1,10 +1,10 @@
-r"""Let the jet damp a coning stage
-The spiral of a rocket's axis
+r"""Jet damping of a coning stage
+Spiral of the axis of a rocket
 
-The axis of a spinning rocket that starts with a transverse rate, seen from
-behind in space (7.10 P8), with $l^2/k^2 = 4$: jet damping draws the circle of
-its coning into a spiral. The centre lies at
-$i\omega_{xy0}k^2/(nk_z^2)$, the farther out the slenderer the body is."""
+The axis of a spinning rocket with an initial transverse rate, viewed from
+behind in inertial space (7.10 P8), with $l^2/k^2 = 4$: jet damping contracts
+the coning circle to a spiral. The centre is at $i\omega_{xy0}k^2/(nk_z^2)$,
+farther out for slender bodies."""
 
 import jax
 import jax.numpy as jnp

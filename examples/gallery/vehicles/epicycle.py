@@ -1,10 +1,10 @@
-"""Know what a misaligned thrust does
+"""Effect of a misaligned thrust
 Epicycle of a misaligned thrust
 
-The axis of a spinning missile whose thrust has an arm, seen from behind in
-space (7.4 P6): a bias and two circles, one at the rate of spin, one at that
-of the free precession. Simulated, with the closed form for small angles
-dotted over it."""
+The axis of a spinning missile with a misaligned thrust, viewed from behind in
+inertial space (7.4 P6): a bias and two circles, one at the spin rate, one at
+the rate of the free precession. Simulation, with the closed form for small
+angles dotted."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,9 +1,9 @@
-r"""Know how far a blow tilts the axis
+r"""Axis of a spinning body after an impulse
 Fig. 7.3-2: angle of attack of a spinning body
 
-The tip of the axis of a free symmetric body that has got a transverse rate,
-seen along its first direction: a circle of the radius $\omega_0/(nC/A)$
-through the start. Dots every tenth of a second."""
+The tip of the axis of a free symmetric body with an initial transverse rate,
+viewed along its initial direction: a circle of radius $\omega_0/(nC/A)$
+through the initial point. Dots every tenth of a second."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

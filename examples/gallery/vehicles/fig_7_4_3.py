@@ -1,9 +1,9 @@
-"""Spin about an axis that is not principal
-Fig. 7.4-3: a spin axis that stands askew
+"""Spin about a non-principal axis
+Fig. 7.4-3: a tilted spin axis
 
-A nearly symmetric body spins about an axis that is 0.05 rad from its
-principal one. Seen in space, the marked axis circles the principal one once
-a turn, while that one circles the momentum."""
+A nearly symmetric body spins about an axis 0.05 rad from its principal axis.
+In inertial space, the marked axis circles the principal axis once per
+revolution, while the principal axis circles the angular momentum."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,9 +1,9 @@
-"""Stop a spin by a yo-yo
+"""Yo-yo despin
 Fig. 7.5-3: yo-yo
 
-Spin of a satellite of 100 kg m² and tension of the cord while two masses of
-0.6 kg unwind: the spin falls to zero at the cord length $l_0$, whatever it
-was, and turns round beyond."""
+Spin of a satellite of 100 kg m² and cord tension while two masses of 0.6 kg
+unwind: the spin decreases to zero at the cord length $l_0$, independently of
+its initial value, and reverses beyond."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

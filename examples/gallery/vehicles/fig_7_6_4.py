@@ -1,9 +1,10 @@
-"""Know how soon a spin goes flat
+"""Time to flat spin
 Fig. 7.6-4: attitude drift by structural damping
 
-The angle between a slender body's axis and its momentum against time, in
-units of the drift constant K: the body ends in a flat spin, which it
-approaches ever more slowly. The drift is fastest at 35.3 degrees (dots)."""
+The angle between the axis of a slender body and its angular momentum against
+time, in units of the inverse drift constant K: the body ends in a flat spin,
+which it approaches ever more slowly. The drift is fastest at 35.3 degrees
+(dots)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,10 +1,10 @@
-"""Let the jet damp a turn
+"""Jet damping of a nonspinning rocket
 Fig. 7.8-2: jet damping of a rocket without spin
 
-The rate of turn over that at ignition against the mass that is left, for
-exits at $l/k$ radii of gyration behind the centre of mass. Lines: closed
-form. Dots: the simulated body, for $l/k$ of 1.5. A near nozzle speeds the
-rotation up."""
+The ratio of the angular velocity to that at ignition against the remaining
+mass, for nozzles at $l/k$ radii of gyration behind the centre of mass. Lines:
+closed form. Dots: simulation for $l/k$ of 1.5. A nozzle close to the centre
+of mass accelerates the rotation."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

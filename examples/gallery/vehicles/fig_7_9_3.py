@@ -1,9 +1,9 @@
-r"""Choose an exit that damps the coning
+r"""Nozzle radius and jet damping of a spinning rocket
 Fig. 7.9-3: transverse rate of a spinning rocket with jet damping
 
 The path of $\omega_x + i\omega_y$ in body axes while 80 percent of the mass
-burn, for exits on a ring within the radius of gyration about the axis, on it,
-and outside. Within it the spin grows, outside it decays; the damping is
+burns, for nozzles on a ring inside, at, and outside the axial radius of
+gyration. Inside it the spin increases, outside it decreases; the damping is
 nearly the same."""
 
 import jax.numpy as jnp

@@ -1,10 +1,10 @@
-"""Turn 95 % of all flexible stages in time
+"""Gains of a flexible stage under dispersions
 Gains for 95 % of all flexible stages
 
-Two gains of an autopilot, for which the engine swivels least while the stage
-is within a quarter of a degree of its target after four seconds, and at rest.
-Those that are best for the nominal stage miss that in half of all runs. The
-roots of the loop in 500 of them, with slosh and bending, all decay."""
+Two gains of an autopilot that minimise the engine deflection while the stage
+is within a quarter of a degree of its target and at rest after four seconds.
+The optimal gains of the nominal stage miss this in half of all runs. The
+roots of the loop in 500 of them, with slosh and bending, are all stable."""
 
 from pathlib import Path
 

@@ -1,11 +1,12 @@
-"""Keep a rocket from rolling
+"""Roll control with canards
 Roll held by canards
 
-A sounding rocket whose tail fins stand askew by half a degree, more or less,
-in a thousand flights: without a controller it spins up with its speed (grey),
-under one that moves four canards fifty times a second it keeps its roll. On
-the left some of the flights, on the right the roll at the end of all but a
-few whose tail is more askew than the canards can hold."""
+A sounding rocket with randomly misaligned tail fins, with a standard
+deviation of half a degree, in a thousand flights: without control the roll
+rate increases with speed (grey); with a controller that moves four canards
+fifty times per second the roll angle is held. Left: some of the flights;
+right: the final roll angle of all but a few flights whose misalignment
+exceeds the control authority."""
 
 from pathlib import Path
 

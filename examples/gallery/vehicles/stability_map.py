@@ -1,11 +1,11 @@
-r"""Hold a satellite by gravity
+r"""Gravity-gradient stability of a satellite
 Stability map of the gravity gradient
 
 A body at rest in the axes of its circular orbit (7.4 P14), by its inertia
 ratios:
 $k_\text{roll} = (I_\text{normal} - I_\text{outward})/I_\text{tangent}$ and
 $k_\text{yaw} = (I_\text{normal} - I_\text{tangent})/I_\text{outward}$. Growth
-of the fastest mode, from the equations of small librations; white is
+rate of the fastest mode, from the equations of small librations; white is
 stable."""
 
 import jax.numpy as jnp

@@ -1,10 +1,10 @@
-"""Slow a spin by arms
+"""Despin with hinged arms
 Despin by arms that swing out
 
-Four hinged arms along the axis of a spinning satellite are let go (7.6 P3):
-the spin falls as they swing out, and the energy that it loses is their
-motion. Left, over the angle of the arms, for arms of three lengths; right,
-over time, for the arms of the problem."""
+Four hinged arms along the axis of a spinning satellite are released (7.6 P3):
+the spin decreases as they swing out, and the lost energy is the kinetic
+energy of the arms. Left: against the angle of the arms, for three arm
+lengths; right: against time, for the arms of the problem."""
 
 import jax
 import jax.numpy as jnp

@@ -1,8 +1,9 @@
-"""See a thrown plate wobble
+"""Wobble of a thrown plate
 Wobble of the thrown disk
 
 A thin plate has $C = 2A$: thrown with a small tilt, its axis wobbles twice
-for every turn of the mark on its rim, as Feynman saw in the cafeteria."""
+for every turn of the mark on its rim, as Feynman observed in the
+cafeteria."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,10 +1,10 @@
-"""Land upright on a pad
-An upright landing
+"""Upright powered landing
+An upright landing on a pad
 
-A stage of a tonne lands by an engine that is throttled and turned at limited
-rates, in winds that scatter. On the left the paths of some flights, in the
-middle how far their axes lean, on the right where a thousand touch the ground
-about the centre of the pad."""
+A stage of one tonne lands with a throttled and gimballed engine with rate
+limits, in random winds. Left: the trajectories of some flights; middle: the
+tilt of their axes; right: the touchdown points of a thousand flights about
+the centre of the pad."""
 
 from pathlib import Path
 

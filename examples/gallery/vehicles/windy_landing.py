@@ -1,10 +1,11 @@
-"""Land softly in 99 % of all winds
+"""Soft landing for 99 % of all winds
 A landing in the wind
 
-A stage lands by a throttle that only the clock knows, while thrust, drag,
-speed and wind scatter. Nine throttles and the altitude of the ignition that
-are best for the nominal run let 99 % of all runs touch the ground at up to
-49 m/s; those that are best for the runs themselves at up to 18 m/s."""
+A stage lands with a throttle program that depends only on time, with
+dispersed thrust, drag, speed and wind. With the nine throttle settings and
+the ignition altitude that are optimal for the nominal run, 99 % of all runs
+touch down at up to 49 m/s; with those optimised for the dispersed runs, at up
+to 18 m/s."""
 
 from pathlib import Path
 
