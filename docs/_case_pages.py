@@ -21,24 +21,22 @@ ERRORS = json.loads(RECORD.read_text())
 START = """\
 # Reference cases
 
-The cases of the textbooks (Thomson, *Introduction to Space Dynamics*; Harrison and Nettleton,
-*Advanced Engineering Dynamics*) that the tests compute with the functions of this library, from the
-tables in `tests/cases`. The numbers are in the units of the book. The tolerance of a vector is
-relative to its greatest component; a zero is compared to the size of what cancels. The error is
-that of the row, as `python tests/case_errors.py` measured it last."""
+Textbook cases (Thomson, *Introduction to Space Dynamics*; Harrison and Nettleton, *Advanced
+Engineering Dynamics*) that the tests compute with this library, from the tables in `tests/cases`.
+The values are in the units of the book. The tolerance of a vector is relative to its greatest
+component; a zero is compared with the magnitude of the cancelling terms. The errors were measured
+by `python tests/case_errors.py`."""
 HEAD = """\
-| Case | What | Expected | Computed by | Relative tolerance | Error reached |
+| Case | Quantity | Expected | Computed by | Relative tolerance | Error |
 |---|---|---|---|---|---|"""
 ROWS_START = """\
 # {title}
 
-{books}, row by row:
-what computes it, and the reference cases whose numbers the tests compare it
-with. The error is the largest relative one of these comparisons, as
-`python tests/case_errors.py` measured it last. The numbers of most cases are
-on the page of [reference cases](cases.md).
+{books}: the function for each section, and the reference cases with which the tests compare it. The
+error is the largest relative error of these comparisons, measured by `python tests/case_errors.py`.
+The values of most cases are listed in [reference cases](cases.md).
 
-| Section | What it is | Computed by | Cases | Error reached |
+| Section | Subject | Computed by | Cases | Error |
 |---|---|---|---|---|"""
 BOOKS = {
     "chapters_1_to_4": (

@@ -56,9 +56,9 @@ def command_line() -> str:
     parts = [
         "# Command line",
         parser.description or "",
-        'The command comes with the extra `app`: `pip install "jaxspace[app]"`. It computes\n'
-        "in double precision and keeps compiled programs between runs.",
-        "| Command | What it does |\n|---|---|",
+        'The command is installed with the extra `app`: `pip install "jaxspace[app]"`. It\n'
+        "uses double precision and stores compiled programs between runs.",
+        "| Command | Action |\n|---|---|",
     ]
     parts[-1] += "".join(
         f"\n| [`{parser.prog} {entry.dest}`](#{entry.dest}) | {entry.help} |"
@@ -69,10 +69,10 @@ def command_line() -> str:
             _command(parser.prog, entry, commands.choices[entry.dest])
         )
     parts.append(
-        "## Exit status\n\n| Status | Meaning |\n|---|---|\n| 0 | done |\n"
-        "| 1 | runs or hard cases failed |\n"
-        "| 2 | input that cannot be used; the message names the file, the key and what is allowed |"
-        "\n| 130 | stopped by Ctrl-C or SIGTERM; the message says what is kept |"
+        "## Exit status\n\n| Status | Meaning |\n|---|---|\n| 0 | success |\n"
+        "| 1 | runs or edge cases failed |\n"
+        "| 2 | invalid input; the message states the file, the key and the allowed values |"
+        "\n| 130 | stopped by Ctrl-C or SIGTERM; the message reports the saved results |"
     )
     return "\n\n".join(parts) + "\n"
 
@@ -274,29 +274,30 @@ def _cells(text: str) -> tuple[str, str, str]:
 SCENE_FILES = """\
 # Scene files
 
-A scene file is TOML. [Write a scene file](../howto/writing_scene_files.md) explains it by example;
-this page lists what it may hold. `jaxspace list` prints the same, `jaxspace schema` writes it for
-editors.
+Scene files are in TOML format. [The guide](../howto/writing_scene_files.md) explains them by
+example; this page lists all tables, keys and names. `jaxspace list` prints the same, and
+`jaxspace schema` writes a schema for editors.
 
-A file is one of four kinds. A *system* names one system in `[system]`. A *scene* puts a body and
-effects together. A *mission* has `[[phase]]` tables. A *flight* takes a rocket, its `[vehicle]`,
-from its rail to the ground. Numbers are in SI, or text with a unit. A second effect of one kind has
-its name with a number: `[effects.drag_2]`."""
+There are four kinds of files. A *system* file defines one system in `[system]`. A *scene* combines
+a body and effects. A *mission* has `[[phase]]` tables. A *flight* simulates a rocket, its
+`[vehicle]`, from rail to landing. Values are numbers in SI units, or strings with a unit. The name
+of a second effect of the same type has a numeric suffix: `[effects.drag_2]`."""
 
 HARD_CASES = """\
-# Hard cases
+# Edge cases
 
-`jaxspace verify` evaluates these cases on your machine, in value and in both modes of
-differentiation, prints the errors, and ends with status 1 where a case fails. `--precision float32`
-does the same in single precision, and says which cases it cannot hold; `--device gpu` does it
-there. In Python it is `jaxspace.verification.run_cases()`; `verify(system, y0, span)` of the same
-package checks the laws of motion on a system or a scene of your own.
-[The hunt](../explanation/hunt.md) searches for worse places than these.
+`jaxspace verify` evaluates these cases on your machine, for the value and both differentiation
+modes, prints the errors, and returns exit status 1 if a case fails. `--precision float32` does the
+same in single precision, and lists the excluded cases; `--device gpu` uses a GPU. In Python, use
+`jaxspace.verification.run_cases()`; `verify(system, y0, span)` in the same package checks the laws
+of motion for user-defined systems and scenes. [Fuzz testing](../explanation/hunt.md) searches for
+further critical inputs.
 
-The table has the errors that are allowed, in roundings. That of a value is divided by the condition
-of the case, so that 1 is what the rounding of the inputs does; that of a derivative is relative to
-the largest one of the same output. The truths are closed forms, or computed by other formulas in
-sixty digits. The last column is the reason why a case is left out of `--precision float32`.
+The table lists the allowed errors in units of the rounding error. The error of a value is divided
+by the condition number of the case, so that 1 is the effect of rounding the inputs; the error of a
+derivative is relative to the largest one of the same output. The reference values are closed forms,
+or computed from other formulas with sixty digits. The last column is the reason for excluding a
+case from `--precision float32`.
 
-| Case | Value | Derivatives | Why | Left out of float32 |
+| Case | Value | Derivatives | Reason | Excluded from float32 |
 |---|---|---|---|---|"""

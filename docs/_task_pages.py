@@ -11,9 +11,9 @@ hide: [toc]
 ---
 # Reference by task
 
-Each entry leads to a group of names on the page of its package. There each name has
-one line, and a link to what its docstring says and to the examples that use it. The
-search above finds every name.
+Each entry links to a group of names on the page of its package, where each name has a one-line
+description, a link to its docstring and the examples that use it. The search function finds every
+name.
 """
 
 
@@ -33,7 +33,7 @@ def on_page_markdown(markdown, page, **kwargs):
         return markdown
     head, mark, rest = markdown.partition("\n::: ")
     lists = [
-        f"### {task}\n\n| Name | What it is |\n|---|---|\n" + "\n".join(rows)
+        f"### {task}\n\n| Name | Description |\n|---|---|\n" + "\n".join(rows)
         for task, rows in groups(name).items()
     ]
     return "\n\n".join([head, *lists, f"## {name}"]) + "\n" + mark + rest
@@ -70,7 +70,7 @@ def _row(package: str, path: str, thing: object) -> str:
 
 def by_task() -> str:
     """The page of all tasks."""
-    parts = [BY_TASK, "| Package | To |\n|---|---|"]
+    parts = [BY_TASK, "| Package | Tasks |\n|---|---|"]
     for package in sorted(packages()):
         tasks = groups(package)
         links = [

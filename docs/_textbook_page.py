@@ -14,14 +14,13 @@ hide: [toc]
 ---
 # From the textbook
 
-You have the number of a section, a problem or a figure. Here is what computes it.
+This page lists the functions for each section, problem and figure of the textbooks.
 
-- Numbers are those of Thomson, *Introduction to Space Dynamics*; those with an H of Harrison and
-  Nettleton, *Advanced Engineering Dynamics*.
-- A picture links to the script that draws it, *cases* to the numbers of the book that the tests
-  compute."""
+- Numbers refer to Thomson, *Introduction to Space Dynamics*; numbers with an H to Harrison and
+  Nettleton, *Advanced Engineering Dynamics*. - Pictures link to the scripts that draw them, *cases*
+  to the values of the book that the tests compute."""
 HEAD = """\
-| Section | What it is | Computed by | Pictures | Proof |
+| Section | Subject | Computed by | Pictures | Tests |
 |---|---|---|---|---|"""
 TOOLS = ("core.", "simulation.", "scene.")
 SECTION = re.compile(r"\((?:Ex\. )?((?:H )?\d+\.\d+)[^)]*\)")

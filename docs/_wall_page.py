@@ -1,5 +1,5 @@
-"""Writes the wall of equations: each closed form beside its source and the worst errors that the
-hunt has found."""
+"""Writes the equation reference: each closed form with its source and the worst errors found by the
+fuzz tests."""
 
 import importlib
 import inspect
@@ -17,15 +17,13 @@ from jaxspace.core.modules import public_names  # noqa: E402
 
 PAGE = "explanation/equations.md"
 HEAD = """\
-# A wall of equations
+# Equation reference
 
-Each closed form of the library: its equations as the docstring of its file has
-them, where they come from, and the worst errors that [the hunt](hunt.md) has
-found in looking for them, of the value and of its derivatives in both modes. They
-are in roundings (2.2e-16) times the condition number of the place: about 1 is
-what the rounding of the inputs alone does. The hunt looked at {places:,} places of
-{functions} functions; which inputs were the worst stands on its page, and the
-symbols, with their units, in the docstrings.
+The closed forms of the library: the equations from the docstrings, their sources, and the largest
+errors found by [fuzz testing](hunt.md), for the value and for its derivatives in both modes. Errors
+are in units of the rounding error (2.2e-16) times the condition number: the effect of rounding the
+inputs is about 1. The search evaluated {functions} functions at {places:,} inputs; the worst inputs
+are listed on its page. The symbols and their units are defined in the docstrings.
 """
 TABLE = """\
 | Computed by | Value | Derivatives |
