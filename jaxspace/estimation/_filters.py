@@ -35,7 +35,7 @@ from ..core.square_roots import sqrt
 from ..core.structure import HashedModule
 from ..simulation import Accuracy, simulate, simulate_batch
 from ..studies.coordinates import Coordinates
-from ..studies.covariance import MeanCovariance, MeanRoot, Noise, Uncertain, UncertainRoot
+from ..studies.covariance import Factors, MeanRoot, Noise, Uncertain, UncertainRoot
 from ._roots import lower_root, root_of, updated
 
 KINDS = ("extended", "unscented")
@@ -241,9 +241,10 @@ def _with_noise(
         root = columns if columns.shape[1] == n else lower_root(columns)
         return root, jnp.array(0, jnp.int32)
     # The covariance that the noise adds to a known state.
-    exact = MeanCovariance(mean, jnp.zeros((n, n), columns.dtype))
-    run = simulate(Uncertain(system, process), exact, ts, accuracy=accuracy, throw=False)
-    added = root_of(run.final.covariance)
+    noisy = Uncertain(system, process)
+    exact = Factors(jnp.zeros((n, 1), columns.dtype), jnp.zeros(1, columns.dtype))
+    run = simulate(noisy, noisy.about(mean, exact), ts, accuracy=accuracy, throw=False)
+    added = root_of(run.final.added)
     return lower_root(jnp.concatenate([columns, added], axis=1)), run.status
 
 

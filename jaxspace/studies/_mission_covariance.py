@@ -10,7 +10,9 @@
     g, j     condition of the event, jump                           any, state
     f-, f+   vector fields before and behind the end                state/s
 
-The error is taken at the time of the mean, at which another run may still be in the phase before;
+The covariance is that of these errors: each column of its factors (`_factors`) is mapped as an
+error is. Those of the noise of a phase become further columns where the phase ends. The error is
+taken at the time of the mean, at which another run may still be in the phase before;
 to first order that does not matter. The delay is one more coordinate, because a phase of known
 duration ends late if it has started late.
 
@@ -26,9 +28,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, State
+from ..core import InputError, Scalar, State
 from ..core.printing import printed
 from ..simulation import Event, Mission, MissionTrajectory, Phase
+from ._factors import Factors, factors_of
 from .coordinates import Coordinates
 from .covariance import MeanCovariance, Uncertain
 
@@ -61,10 +64,13 @@ class _Mapped(eqx.Module):
     """The jump of a phase, for a mean and its covariance; `after` moves behind it."""
 
     phase: Phase
-    after: AbstractSystem | None
+    after: Uncertain | None
 
     def __call__(self, t: Scalar, y: MeanCovariance) -> MeanCovariance:
-        runs = y.covariance.shape[2:]
+        known = Factors(y.columns, y.weights)
+        if y.added is not None:
+            known = known.joined(factors_of(y.added))
+        runs = y.columns.shape[2:]
         before = Coordinates.of(y.mean, len(runs))
         n, dtype = before.count, before.dtype
         t = jnp.broadcast_to(jnp.asarray(t, dtype), runs)
@@ -75,11 +81,10 @@ class _Mapped(eqx.Module):
             return state if self.phase.then is None else self.phase.then(t, state)
 
         behind = jumped(t, y.mean)
-        later = None if self.after is None else self.after.vector_field(t, behind)
+        later = None if self.after is None else self.after.system.vector_field(t, behind)
         after = Coordinates.of(behind, len(runs))
 
-        def column(e: Array) -> Array:
-            e = jnp.broadcast_to(e.reshape(-1, *(1,) * len(runs)), zero.shape)
+        def mapped(e: Array) -> Array:
             _, change = jax.jvp(lambda x: before.moved(x[:n]), (zero,), (e,))
             delay = self._delay(t, y.mean, change, rate, e[n])
             # To the end of this run, through the jump, and back to the end of the mean.
@@ -89,9 +94,10 @@ class _Mapped(eqx.Module):
                 change = jax.tree.map(lambda c, r: c - r * delay, change, later)
             return jnp.concatenate([after.components(change), delay[None]])
 
-        matrix = jax.vmap(column, out_axes=1)(jnp.eye(n + 1, dtype=dtype))
-        P = jnp.einsum("ac...,cd...,bd...->ab...", matrix, y.covariance, matrix)
-        return MeanCovariance(behind, P)
+        known = Factors(jax.vmap(mapped, in_axes=1, out_axes=1)(known.columns), known.weights)
+        if self.after is None:
+            return MeanCovariance(behind, *known)
+        return self.after.about(behind, known)
 
     def _delay(self, t: Scalar, mean: State, change: State, rate: State, started: Array) -> Array:
         """Delay of the end of a phase for a change of the state and of its start."""
@@ -118,15 +124,17 @@ def uncertain_mission(mission: Mission, noises: Sequence[PyTree]) -> Mission:
                 f"Phase {phase.name!r} has a time relative to its start, such as the delay of a "
                 "motor: a covariance requires a time of the mission, such as the ignition."
             )
-    after = [phase.moving for phase in mission.phases[1:]] + [None]
+    systems = [
+        Uncertain(phase.moving, noise, delayed=True)
+        for phase, noise in zip(mission.phases, noises, strict=True)
+    ]
     phases = []
-    for phase, noise, later in zip(mission.phases, noises, after, strict=True):
+    for phase, system, later in zip(mission.phases, systems, [*systems[1:], None], strict=True):
         until = phase.until
         if isinstance(until, Event):
             # The condition alone is replaced: direction, samples and the wait for it stay those of
             # the phase.
             until = eqx.tree_at(lambda e: e.condition, until, _OfMean(until.condition))
-        system = Uncertain(phase.moving, noise, delayed=True)
         phases.append(Phase(system, until, _Mapped(phase, later), phase.name))
     return Mission(phases)
 

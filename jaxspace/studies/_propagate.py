@@ -14,9 +14,10 @@ from ..simulation.batch_layout import InAxes
 from ..simulation.dispatch import simulate_any
 from ..simulation.legs import check_one_line
 from ..simulation.runnable import AbstractRunnable
+from ._factors import Factors, factors_of
 from ._mission_covariance import MissionCovariance, covariance_of, uncertain_mission
 from .coordinates import Coordinates
-from .covariance import MeanCovariance, Noise, Uncertain
+from .covariance import Noise, Uncertain
 
 
 @overload
@@ -111,8 +112,8 @@ def propagate_covariance(
         # Before the covariance is made, which has the runs of the parameters, too.
         y0 = broadcast_state(system, t0, y0)
         size = Coordinates.of(y0, int(batch))
-        start = MeanCovariance(y0, _initial(covariance, size, 0))
-        run = run_mean(Uncertain(system, _density(noise, size)), start, ts)
+        uncertain = Uncertain(system, _density(noise, size))
+        run = run_mean(uncertain, uncertain.about(y0, _initial(covariance, size, 0)), ts)
         assert isinstance(run, Trajectory)
         return run, run.states.covariance
     # Of two branches each has a delay of its own: one matrix cannot carry both.
@@ -134,19 +135,21 @@ def propagate_covariance(
     first, *others = each
     mission = uncertain_mission(system, (_density(first, size), *others))
     # One more than the state has: the delay of the start, which is known to be none.
-    run = run_mean(mission, MeanCovariance(y0, _initial(covariance, size, 1)), ts)
+    uncertain = mission.phases[0].moving
+    assert isinstance(uncertain, Uncertain)
+    run = run_mean(mission, uncertain.about(y0, _initial(covariance, size, 1)), ts)
     assert isinstance(run, MissionTrajectory)
     return run, covariance_of(run)
 
 
-def _initial(covariance: ArrayLike | None, size: Coordinates, more: int) -> Array:
+def _initial(covariance: ArrayLike | None, size: Coordinates, more: int) -> Factors:
     """The covariance of the initial state, (n, n, *runs), and of `more` that is known exactly."""
     n, runs = size.count, size.trailing[0]
     P = jnp.zeros((n, n), size.dtype) if covariance is None else jnp.asarray(covariance, size.dtype)
     _check("covariance", P.shape, size)
     P = jnp.broadcast_to(P.reshape(P.shape + (1,) * (2 + len(runs) - P.ndim)), (n, n, *runs))
     # What is known exactly has a variance and covariances of zero.
-    return jnp.pad(P, ((0, more), (0, more), *((0, 0),) * len(runs)))
+    return factors_of(jnp.pad(P, ((0, more), (0, more), *((0, 0),) * len(runs))))
 
 
 def _density(noise: PyTree, size: Coordinates) -> PyTree:

@@ -34,6 +34,7 @@ from ..integration.accuracy import as_accuracy
 from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory
 from ..simulation.batch_layout import InAxes, split_batch
 from ..simulation.dispatch import simulate_any
+from ._factors import Factors, factors_of
 from .coordinates import Coordinates, name_of
 
 Selection = Callable[[Any, Any], PyTree]
@@ -81,9 +82,10 @@ class Sensitivity(HashedModule):
     ) -> Float[Array, "rows rows times *runs"]:
         """Phi P Phi^T: the covariance of the states from that of the varied quantities, to first
         order."""
-        # Behind both matrix axes, where `first` has its times.
-        P = jnp.expand_dims(jnp.asarray(initial), 2)
-        return jnp.einsum("act...,cdt...,bdt...->abt...", self.first, P, self.first)
+        known = factors_of(jnp.asarray(initial, self.first.dtype))
+        columns = jnp.einsum("act...,ck...->akt...", self.first, known.columns)
+        # Behind the axis of the columns, where `first` has its times.
+        return Factors(columns, jnp.expand_dims(known.weights, 1)).product
 
 
 @final

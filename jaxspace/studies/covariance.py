@@ -2,11 +2,14 @@
 
     y' = f(t, y) + w,     E[w(t) w(s)^T] = Q delta(t - s)
     m' = f(t, m)
-    P' = A P + P A^T + Q,     A = df/dy at m
+    U' = A U,                 A = df/dy at m
+    G' = A G + G A^T + Q,     P = U D U^T + G
     L' = A L,                 P = L L^T without noise
 
     symbol  meaning                                                      unit
     m, P    mean and covariance, in local coordinates                    of the state, squared
+    U, D    factors of the covariance at the start (`_factors`)
+    G       covariance that the process noise adds, zero at the start    that of P
     L       a root of P                                                  of the state
     Q       spectral density of the process noise                        that of P, 1/s
     A       matrix of the linearised motion of the error                 1/s
@@ -30,6 +33,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..core import AbstractSystem, Flag, Scalar, State
 from ..core.printing import printed
+from ._factors import Factors, factors_of
 from .coordinates import Coordinates
 
 Noise = Float[ArrayLike, "n n"] | Callable[[Scalar, Any], Array] | None
@@ -38,15 +42,27 @@ Noise = Float[ArrayLike, "n n"] | Callable[[Scalar, Any], Array] | None
 @final
 @printed()
 class MeanCovariance(eqx.Module):
-    """The state of `Uncertain`: a mean and the covariance of its local coordinates."""
+    """The state of `Uncertain`: a mean and the covariance of its local coordinates.
+
+    - `columns`, `weights`: factors of the covariance without that of the process noise.
+    - `added`: the covariance that process noise has added; `None` without noise."""
 
     mean: State
-    covariance: Float[Array, "n n *#runs"]
+    columns: Float[Array, "n k *#runs"]
+    weights: Float[Array, "k *#runs"]
+    added: Float[Array, "n n *#runs"] | None = None
+
+    @property
+    def covariance(self) -> Float[Array, "n n *#runs"]:
+        """P, (n, n, *runs): no variance is negative."""
+        P = Factors(self.columns, self.weights).product
+        return P if self.added is None else P + factors_of(self.added).product
 
 
 @final
 class Uncertain(AbstractSystem):
-    """Any system with the covariance of its state, as a system accepted by every verb.
+    """Any system with the covariance of its state, as a system accepted by every verb. `about`
+    makes the state.
 
     - `system`: the one that moves.
     - `noise`: the spectral density Q (n, n) of its process noise, or a function (t, y) -> (n, n) of
@@ -57,16 +73,25 @@ class Uncertain(AbstractSystem):
     noise: Any = None
     delayed: bool = eqx.field(static=True, default=False)
 
+    def about(self, mean: State, known: Factors) -> MeanCovariance:
+        """The state of a mean whose covariance has these factors."""
+        if self.noise is None:
+            return MeanCovariance(mean, *known)
+        n, _, *runs = known.columns.shape
+        return MeanCovariance(mean, *known, jnp.zeros((n, n, *runs), known.columns.dtype))
+
     def vector_field(self, t: Scalar, y: MeanCovariance) -> MeanCovariance:
-        P = y.covariance
-        A = self._still(error_matrix(self.system, t, y.mean, P.ndim - 2))
-        AP = jnp.einsum("ij...,jk...->ik...", A, P)
-        # P is symmetric, so that P A^T is the transpose of A P: one product serves both.
-        rate = AP + jnp.swapaxes(AP, 0, 1)
-        if self.noise is not None:
-            Q = jnp.asarray(self.noise(t, y.mean) if callable(self.noise) else self.noise)
-            rate = rate + self._still(Q.reshape(Q.shape + (1,) * (rate.ndim - Q.ndim)))
-        return MeanCovariance(self.system.vector_field(t, y.mean), rate)
+        A = self._still(error_matrix(self.system, t, y.mean, y.columns.ndim - 2))
+        columns = jnp.einsum("ij...,jk...->ik...", A, y.columns)
+        mean, still = self.system.vector_field(t, y.mean), jnp.zeros_like(y.weights)
+        if y.added is None:
+            return MeanCovariance(mean, columns, still)
+        AG = jnp.einsum("ij...,jk...->ik...", A, y.added)
+        # G is symmetric, so that G A^T is the transpose of A G: one product serves both.
+        rate = AG + jnp.swapaxes(AG, 0, 1)
+        Q = jnp.asarray(self.noise(t, y.mean) if callable(self.noise) else self.noise)
+        rate = rate + self._still(Q.reshape(Q.shape + (1,) * (rate.ndim - Q.ndim)))
+        return MeanCovariance(mean, columns, still, rate)
 
     def _still(self, matrix: Array) -> Array:
         """A matrix of the errors, with zeros for the coordinate that does not move."""

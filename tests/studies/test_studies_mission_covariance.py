@@ -1,6 +1,7 @@
 """Covariance through events, jumps and phases: beside transition matrices and simulated noise."""
 
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -8,6 +9,7 @@ from numpy.testing import assert_allclose
 from jaxspace import Accuracy, Event, Mission, Phase
 from jaxspace.control import ClosedLoop
 from jaxspace.core import AbstractSystem, InputError
+from jaxspace.simulation import Status
 from jaxspace.solvers import Tsit5
 from jaxspace.studies import propagate_covariance, sensitivity
 
@@ -93,6 +95,57 @@ def test_with_noise_it_is_that_of_many_noisy_runs():
     # Five standard errors of a variance, and what one step of noise adds.
     assert_allclose(np.var(ends[0]), found.final[0, 0], rtol=5.0 * np.sqrt(2.0 / runs) + 1e-2)
     assert_allclose(np.var(ends[1]), found.final[1, 1], rtol=5.0 * np.sqrt(2.0 / runs) + 1e-2)
+
+
+def impact_of(v, z):
+    """Speed at which a ball without drag meets the ground, in mpmath."""
+    return mpmath.sqrt(v * v + 2 * z)
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+def test_a_loose_prior_that_has_no_part_in_the_result(noisy):
+    """From the apex the speed at the ground, sqrt(v^2 + 2 z), does not depend on v to first order:
+    of a speed known to 1e6 to 1e13 times the deviation of the height nothing is left, although the
+    time of the fall has all of it. White noise at the time s counts by s/T of the fall T."""
+    tight, after, bounce_factor = 1e-9, 0.3, -0.8
+    ratio = np.array([1e6, 1e12, 1e13])
+    q = 1e-18 if noisy else 0.0
+    level = Event(lambda t, y: y["z"], direction=-1, within=5.0)
+    mission = Mission(
+        [
+            Phase(Ball(), 0.5, name="first"),
+            Phase(Ball(), level, lambda t, y: {"v": bounce_factor * y["v"], "z": y["z"]}, "fall"),
+            Phase(Ball(), after, name="up"),
+        ]
+    )
+    start = {"v": jnp.zeros(3), "z": jnp.ones(3)}
+    P0 = np.zeros((2, 2, 3))
+    P0[0, 0], P0[1, 1] = (ratio * tight) ** 2, tight**2
+    run, found = propagate_covariance(
+        mission, start, 0.0, P0, noise=np.diag([q, 0.0]) if noisy else None, batch=True,
+        accuracy=FINE,
+    )  # fmt: skip
+    assert np.all(np.asarray(run.status) <= Status.EVENT)
+    with mpmath.workdps(60):
+        one, h = mpmath.mpf(1), mpmath.mpf(after)
+        slopes = [mpmath.diff(impact_of, (0 * one, one), n) for n in ((1, 0), (0, 1))]
+        fall = mpmath.sqrt(2)
+        for k in range(3):
+            variances = [mpmath.mpf(float(P0[i, i, k])) for i in range(2)]
+            impact = sum(s * s * p for s, p in zip(slopes, variances, strict=True)) + q * fall / 3
+            b = mpmath.mpf(bounce_factor) ** 2 * impact
+            exact = [
+                [b + q * h, b * h + q * h**2 / 2],
+                [b * h + q * h**2 / 2, b * h**2 + q * h**3 / 3],
+            ]
+            # Roundings of the loose column: a few units in the last place, squared.
+            bound = 1e-7 + (10.0 * 2.2e-16 * ratio[k]) ** 2
+            assert_allclose(found.final[..., k], np.array(exact, float), rtol=bound)
+            # An error of the speed at the apex delays the impact by itself.
+            time = variances[0] + variances[1] / 2 + q * fall / 3
+            assert_allclose(found.time[k], float(time), rtol=1e-9)
+    for phase in found.phases:
+        assert np.min(np.diagonal(np.asarray(phase))) >= 0.0
 
 
 @pytest.mark.sweep  # compiles two missions more

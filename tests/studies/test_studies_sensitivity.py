@@ -13,7 +13,8 @@ from jaxspace.core import AbstractSystem, InputError
 from jaxspace.orbits import PointGravity, TwoBody
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import Tsit5
-from jaxspace.studies import propagate_covariance, sensitivity
+from jaxspace.studies import Sensitivity, propagate_covariance, sensitivity
+from jaxspace.studies._factors import Factors, factors_of
 
 START = BodyState(jnp.array([1.0, 0.0, 0.1]), jnp.array([0.05, 1.1, 0.2]))
 TS = np.array([0.0, 1.0, 3.0])
@@ -234,3 +235,27 @@ def test_covariance_of_another_size_is_refused():
 def test_wrong_calls(change, sentence):
     with pytest.raises(InputError, match=sentence):
         sensitivity(TwoBody(1.0), START, TS, **change)
+
+
+def test_a_covariance_of_sums_of_squares():
+    """Random covariances of full and of less rank are their factors, of which no weight is
+    negative; what maps a state that is known exactly has a variance that is not negative."""
+    rng = np.random.default_rng(4)
+    for rank in (0, 1, 3, 5):
+        A = rng.normal(size=(5, rank)) * np.logspace(0.0, 8.0, 5)[:, None]
+        P = A @ A.T
+        U, D = factors_of(jnp.asarray(P))
+        assert np.all(D >= 0.0)
+        size = np.sqrt(np.where(np.diag(P) > 0.0, np.diag(P), 1.0))
+        scaled = (Factors(U, D).product - P) / np.outer(size, size)
+        assert_allclose(scaled, 0.0, atol=1e-13)
+    # All of the variance is along x, and none across.
+    for x in rng.normal(size=(50, 2)):
+        first = jnp.asarray([[x[1], -x[0]], [1.0, 1.0]])[..., None]
+        found = Sensitivity(("a", "b"), ("a", "b"), first, None, jnp.zeros((2, 1)))
+        P = found.covariance(np.outer(x, x) * 1e12)
+        assert P[0, 0, 0] >= 0.0
+        assert_allclose(P[1, 1, 0], x.sum() ** 2 * 1e12, rtol=1e-9)
+    # Phi^2, also at a variance of zero.
+    slope = jax.grad(lambda p: found.covariance(jnp.diag(p))[0, 0, 0])(jnp.zeros(2))
+    assert_allclose(slope, found.first[0, :, 0] ** 2, rtol=1e-14)
