@@ -5,7 +5,7 @@ import itertools
 import sys
 import time
 import warnings
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from typing import TypeAlias
 
 from ..core.record import Record
@@ -63,9 +63,6 @@ def stored(
     if engine.leads:
         # One process makes the store, and the others join it when it is there.
         writer.prepare(columns, attributes)
-        # The others join it before it has a chunk.
-        if engine.shares and not writer.published:
-            writer.publish()
     engine.sync("prepared")
     writer.host = engine.host
     store = writer.store if engine.leads else writer.join(columns, attributes)
@@ -80,7 +77,11 @@ def stored(
     enough = None if ending is None else ending.enough()
     extents = [Extent(chunk, *store.extent(chunk)) for chunk in missing]
     storing = 0.0
-    for number, part in enumerate(_parts(extents, engine, ending)):
+    # A new store is published once each process has written a chunk of it.
+    borders = [] if ending is None else ending.waiting
+    if not writer.published:
+        borders = sorted({*borders, engine.workers})
+    for number, part in enumerate(_parts(extents, engine, borders)):
         if enough is not None:
             break
         # What earlier calls and parts have stored counts as done.
@@ -88,6 +89,12 @@ def stored(
         computed = _computed(runner, engine, engine.share(part), store.runs, progress, done)
         storing += _written(writer, computed, ending)
         engine.sync(f"part {number}")
+        if not writer.published:
+            # All processes wait here: none writes into the folder that moves.
+            if engine.leads:
+                writer.publish()
+            engine.sync("published")
+            writer.write_to_path()
         if ending is not None:
             # The rule sees the chunks of all processes, so that all of them stop after the same
             # part.
@@ -130,11 +137,12 @@ def _finish(writer: StoreWriter, store: Store, enough: int | None, storing: floa
 
 
 def _parts(
-    extents: list[Extent], engine: AbstractEngine, ending: Ending | None
+    extents: list[Extent], engine: AbstractEngine, borders: Sequence[int]
 ) -> list[list[Extent]]:
-    """The chunks in parts after which the processes that share them synchronise."""
-    borders = [0, *(ending.waiting if ending and engine.shares else ()), sys.maxsize]
-    parts = [[e for e in extents if a <= e.chunk < b] for a, b in itertools.pairwise(borders)]
+    """The chunks in parts after which the processes that share them synchronise: between these
+    numbers of chunks."""
+    edges = [0, *(borders if engine.shares else ()), sys.maxsize]
+    parts = [[e for e in extents if a <= e.chunk < b] for a, b in itertools.pairwise(edges)]
     return [part for part in parts if part]
 
 

@@ -30,7 +30,9 @@ class InProcess(AbstractEngine):
 class MultiHost(AbstractEngine):
     """Engine on the processes of `jax.distributed`, on one machine or many, each with its own
     accelerators or cores. Every one of them makes the same call of `disperse` after
-    `jax.distributed.initialize`; a store that is visible to all of them is required."""
+    `jax.distributed.initialize`; a store that is visible to all of them is required.
+
+    A new store replaces an old one when each process has written its first chunk."""
 
     @property
     def workers(self) -> int:

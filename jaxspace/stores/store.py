@@ -81,14 +81,15 @@ class Store:
         first = chunk * self.chunk
         return first, min(self.chunk, self.runs - first)
 
-    def read(self) -> "Store":
-        """The same, with its metadata read. Raises `StoreError` if there is no such store."""
+    def read(self, folder: Path | None = None) -> "Store":
+        """The same, with its metadata read, by default of the store that readers see, else of the
+        one in a `folder` of its path. Raises `StoreError` if there is no such store."""
         if not os.path.isdir(self.path):
             raise StoreError(
                 f"{printable(str(self.path))} is not a folder: it must be the Zarr store of a "
                 "dispersion."
             )
-        self.folder = folder_of(self.path)
+        self.folder = folder_of(self.path) if folder is None else folder
         head, self.head_damage = read_head(self.folder)
         try:
             root = json.loads(head)

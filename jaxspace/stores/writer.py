@@ -27,7 +27,6 @@ from ._replacement import (
     array_names,
     folder_of,
     publish,
-    remove_store,
     size_of,
     tidy,
 )
@@ -91,12 +90,9 @@ class StoreWriter:
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         try:
-            with contextlib.suppress(OSError):
-                if not self.published:
+            if not self.published:
+                with contextlib.suppress(OSError):
                     tidy(self.store.path)
-                # Published without a chunk, for several hosts: it would refuse the next call.
-                elif error is not None and not self.resume and not self.store.finished():
-                    remove_store(self.store.path, set(self.store.columns))
         finally:
             self._leave()
 
@@ -225,18 +221,22 @@ class StoreWriter:
         """Put the new store in place of the old one, if there is one."""
         with self._disk():
             publish(self.store.path)
+        self.write_to_path()
+
+    def write_to_path(self) -> None:
+        """Write the following chunks to the path, where the new store has been published."""
         self.store.folder = self.store.path
         self.published = True
 
     def join(self, columns: Mapping[str, Column], attributes: Record) -> Store:
-        """The store that is there already.
+        """The store that is there already: the one that is completed, or a new one that another
+        process has staged.
 
         **Raises** `StoreError` if its runs have different results here."""
-        store = self.store.read()
+        store = self.store.read(None if self.resume else self.store.path / STAGED)
         other = difference(store.attributes, store.columns, attributes, columns)
         if other:
             raise StoreError(f"{store.path} is the store of another campaign: {other}")
-        self.published = True
         # Nothing is repaired in a store of another campaign, nor by two processes.
         if self.lock.handle is not None:
             self._mend_metadata()
@@ -292,7 +292,8 @@ class StoreWriter:
                 entry["host"] = self.host
             # Last, because an entry says that all files are there.
             write_whole(manifest / f"{chunk}.json", json.dumps(entry).encode())
-        if not self.published:
+        # Several hosts publish it together, when none of them is writing (`stored`).
+        if not self.published and self.host is None:
             self.publish()
 
     def end_at(self, chunks: int) -> None:

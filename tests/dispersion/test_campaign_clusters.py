@@ -307,19 +307,31 @@ import sys
 import jax
 jax.distributed.initialize(sys.argv[2], 2, int(sys.argv[3]))
 from test_campaigns import fly
-seen = []
-kept = fly(sys.argv[1], engine="hosts", progress=lambda done, total: seen.append(done))
-print(kept.runs, len(seen))
+from jaxspace.dispersion import open_store
+from jaxspace.stores.writer import StoreWriter
+commit, seen, old = StoreWriter.commit, [], []
+def watched(writer, *given):
+    # Until each process has written a chunk, readers see the old store.
+    if not old:
+        old.append(open_store(sys.argv[1]).runs)
+    commit(writer, *given)
+StoreWriter.commit = watched
+progress = lambda done, total: seen.append(done)
+kept = fly(sys.argv[1], engine="hosts", overwrite=True, progress=progress)
+print(*old, kept.runs, len(seen))
 """
 
 
 def test_two_processes_of_jax_share_a_campaign(whole, tmp_path):  # noqa: F811
+    """And replace the store of another one, of a single chunk."""
+    fly(tmp_path / "s.zarr", runs=7)
     address = f"127.0.0.1:{free_port()}"
     processes = [child(HOSTS, tmp_path / "s.zarr", address, k) for k in range(2)]
     told = [process.communicate(timeout=600) for process in processes]
     # Five chunks: three for the first process, two for the second.
     # Before that the library of the exchange says that it is connected.
-    assert [out.split()[-2:] for out, _ in told] == [["2200", "3"], ["2200", "2"]], told
+    expected = [["7", "2200", "3"], ["7", "2200", "2"]]
+    assert [out.split()[-3:] for out, _ in told] == expected, told
     entries = [json.loads(p.read_text()) for p in (tmp_path / "s.zarr/.manifest").glob("*.json")]
     hosts = [sum(e["seconds"] for e in entries if e["host"] == k) for k in range(2)]
     kept = open_store(tmp_path / "s.zarr")

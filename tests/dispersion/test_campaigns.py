@@ -168,6 +168,31 @@ def test_nothing_is_overwritten_unasked(copy):
     assert open_store(copy).runs == 100
 
 
+def test_hosts_replace_a_store_with_their_first_chunks(copy, monkeypatch):
+    """A campaign that ends before leaves the old store, which readers see until then."""
+    before = files_of(copy)
+    commit = StoreWriter.commit
+    seen = []
+
+    def refused(writer, *given):
+        raise StoreError("no space is left")
+
+    def watched(writer, *given):
+        with warnings.catch_warnings():
+            # A store of which a part is there.
+            warnings.simplefilter("ignore")
+            seen.append(open_store(copy).runs)
+        commit(writer, *given)
+
+    monkeypatch.setattr(StoreWriter, "commit", refused)
+    with pytest.raises(StoreError, match="no space is left"):
+        fly(copy, engine="hosts", overwrite=True)
+    assert files_of(copy) == before and open_store(copy).runs == RUNS
+    monkeypatch.setattr(StoreWriter, "commit", watched)
+    assert fly(copy, runs=CHUNK + 1, engine="hosts", overwrite=True).runs == CHUNK + 1
+    assert seen == [RUNS, CHUNK] and open_store(copy).runs == CHUNK + 1
+
+
 def test_a_folder_of_something_else_is_left_alone(tmp_path):
     letter = tmp_path / "letter.txt"
     letter.write_text("dear")

@@ -604,19 +604,22 @@ def test_a_store_is_replaced_as_a_whole_whatever_ends_it(tmp_path, monkeypatch):
     assert seen == {0.0, 0.5}
 
 
-def test_a_host_that_joins_writes_into_the_store_of_the_first(tmp_path):
-    """Which has no chunk yet, and is at its place all the same."""
-    path = tmp_path / "s.zarr"
-    attributes = dict.fromkeys(NAMES, 0) | {"seed": 0, "planned_runs": 20, "chunk": CHUNK}
+def test_hosts_stage_a_store_together(store):
+    """The old store is there until one of them publishes the new one, with the chunks of both."""
+    attributes = dict.fromkeys(NAMES, 0) | {"seed": 0, "planned_runs": 30, "chunk": CHUNK}
     given = columns_of(results(0, 1), {}), attributes | {"preparation_seconds": 1.0, "digest": "d"}
-    with StoreWriter(path, overwrite=True) as first:
+    with StoreWriter(store, overwrite=True) as first:
         first.prepare(*given)
-        first.publish()
-        second = StoreWriter(path, overwrite=True)
+        second = StoreWriter(store, overwrite=True)
         second.join(*given)
+        first.host, second.host = 0, 1
         second.commit(1, results(10, 10), 0.1, 0.1)
         first.commit(0, results(0, 10), 0.1, 0.1)
-    assert read(path)[0].runs == 20
+        assert read(store)[0].runs == RUNS
+        first.publish()
+        second.write_to_path()
+        second.commit(2, results(20, 10), 0.1, 0.1)
+    assert read(store)[0].runs == 30
 
 
 # ---------------------------------------------------------------------------- what is left behind
