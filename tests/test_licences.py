@@ -7,7 +7,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "licences.md").read_text()
 # Sources, and pages and figures of the manual, are under the licence of the whole.
-OURS = {".md", ".pyc", ".png", ".py"}
+OURS = {".gif", ".md", ".pyc", ".png", ".py"}
 FOLDERS = ("benchmarks", "docs", "examples", "jaxspace", "tests", "validation")
 # Without content, or settings of tools.
 PLAIN = {"py.typed", "ruff.toml"}
@@ -23,7 +23,8 @@ def data_files():
 
 
 def patterns():
-    rows = re.findall(r"^\| (`[^|]*) \|", PAGE.partition("Numbers within")[0], re.MULTILINE)
+    listed, _, _ = PAGE.partition("Numerical values in programs")
+    rows = re.findall(r"^\| (`[^|]*) \|", listed, re.MULTILINE)
     return [name for cell in rows for name in re.findall(r"`([^`]+)`", cell)]
 
 
