@@ -156,7 +156,7 @@ TASKS = {
         "Orbit insertion": "optimise_insertion Insertion InsertionOptimum InsertionState",
     },
     "robust": {
-        "Optimisation under uncertainty": "optimise_design train_design optimise_nominal "
+        "Optimisation under uncertainty": "optimise_design train_design "
         "DesignOptimum",
         "Design variables": "free",
         "Assessment": "assess_designs DesignAssessment assessment",

@@ -315,7 +315,7 @@ class SceneFile(FileContent):
 
         - `progress`: called after each step with its number, objective, violation and gradient.
         - `store`, `resume`: as in `robust.optimise_design`.
-        - `nominal`: whether to use the nominal run only, for comparison; without a store.
+        - `nominal`: whether to use the nominal run only, for comparison.
 
         **Returns** a `DesignOptimum`, whose `x` are the design variables by path, SI; its outputs
         are in the units of the file.

@@ -6,7 +6,6 @@ from ..core.modules import modules_of as _modules_of
 from ._assess import assess_designs as assess_designs
 from ._optimum import DesignOptimum as DesignOptimum
 from ._search import optimise_design as optimise_design
-from ._search import optimise_nominal as optimise_nominal
 from ._train import train_design as train_design
 from .assessment import DesignAssessment as DesignAssessment
 

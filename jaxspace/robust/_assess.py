@@ -84,7 +84,7 @@ def assess_designs(
     **Arguments**
 
     - `optimum`: the result of `optimise_design`.
-    - `others`: designs by name, such as `{"nominal": optimise_nominal(...).x}`.
+    - `others`: designs by name, such as `{"nominal": optimise_design(..., nominal=True).x}`.
     - `runs`: number of fresh runs, the same for every design; by default a power of two from 4,096
       on that leaves twenty beyond each quantile.
     - `seed`: of the fresh runs; by default the one after that of the search.

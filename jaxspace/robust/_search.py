@@ -48,6 +48,7 @@ def optimise_design(
     optimiser: Any = "sqp",
     runs: int | None = None,
     seed: int = 0,
+    nominal: bool = False,
     accuracy: Accuracy | Scalar | None = None,
     may_fail: float = 0.0,
     tolerance: Scalar = 1e-4,
@@ -71,6 +72,9 @@ def optimise_design(
     - `runs`: number of runs; by default a power of two from 1024 on with at least twenty runs
       beyond each quantile.
     - `seed`: of the runs. All designs have the same runs, drawn once.
+    - `nominal`: whether the nominal run alone is optimised, for comparison; `runs`, `seed` and
+      `may_fail` then have no effect. Every statistic is the output of that run, and a share of
+      violations is the distance of the output beyond its limit.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
       campaign.
     - `may_fail`: the share of the runs that may fail, from 0 on. They are left out of the
@@ -89,80 +93,13 @@ def optimise_design(
     every = [minimise, maximise, *(getattr(c, "statistic", None) for c in subject_to)]
     # Anything else is refused by `problem_of`, with its name.
     known = [statistic for statistic in every if isinstance(statistic, AbstractStatistic)]
-    runs = enough_runs(known, RUNS) if runs is None else runs
+    if nominal:
+        runs = None
+    elif runs is None:
+        runs = enough_runs(known, RUNS)
     problem = problem_of(
         campaign, start, minimise, subject_to, runs, seed, accuracy, may_fail, maximise
     )
-    kept = store_of(store, resume, problem, runs, seed)
-    return _searched(
-        *(problem, start, seed, bounds, scale, optimiser, tolerance, max_steps, progress, kept)
-    )
-
-
-def store_of(
-    store: str | os.PathLike[str] | None, resume: bool, problem: Problem, runs: int, seed: int
-) -> SearchStore | None:
-    """The store of a search with these arguments, which knows its statistics and its runs."""
-    if store is None:
-        return as_store(store, resume)
-    limits = [c.text() for c in problem.constraints]
-    # With other statistics or runs it would be another search, whose store is refused.
-    goal = (
-        problem.objective.text() if problem.sign > 0.0 else f"greatest {problem.objective.text()}"
-    )
-    words = (goal, *limits, f"{runs} runs of seed {seed}")
-    return SearchStore(store, resume, "; ".join(words))
-
-
-def progress_of(problem: Problem, progress: Progress | None) -> Progress | None:
-    """The `progress` with the objective in its own sign."""
-    if progress is None:
-        return None
-    return lambda step, objective, *rest: progress(step, problem.sign * objective, *rest)
-
-
-def optimise_nominal(
-    campaign: CampaignOf,
-    start: Design,
-    *,
-    minimise: AbstractStatistic | None = None,
-    maximise: AbstractStatistic | None = None,
-    subject_to: Sequence[Constraint] = (),
-    bounds: tuple[PyTree, PyTree] | None = None,
-    scale: PyTree | None = None,
-    optimiser: Any = "sqp",
-    accuracy: Accuracy | Scalar | None = None,
-    tolerance: Scalar = 1e-4,
-    max_steps: int = 200,
-    progress: Progress | None = None,
-) -> DesignOptimum:
-    """The design that is best where nothing scatters, for comparison with `optimise_design`.
-
-    **Arguments**
-
-    - As in `optimise_design`. Every statistic is that of the nominal run alone, which is its
-      output; of a share of violations it is how far the output lies beyond the limit.
-
-    **Returns** and **raises** as `optimise_design`.
-    """
-    # No runs but the nominal one, which may not fail.
-    problem = problem_of(campaign, start, minimise, subject_to, None, 0, accuracy, 0.0, maximise)
-    return _searched(problem, start, 0, bounds, scale, optimiser, tolerance, max_steps, progress)
-
-
-def _searched(
-    problem: Problem,
-    start: Design,
-    seed: int,
-    bounds: tuple[PyTree, PyTree] | None,
-    scale: PyTree | None,
-    optimiser: Any,
-    tolerance: Scalar,
-    max_steps: int,
-    progress: Progress | None,
-    store: SearchStore | None = None,
-) -> DesignOptimum:
-    """The optimum of a problem; the arguments are those of `minimise`."""
     minimum = search_minimum(
         problem,
         start,
@@ -172,7 +109,7 @@ def _searched(
         tolerance=tolerance,
         max_steps=max_steps,
         progress=progress_of(problem, progress),
-        store=store,
+        store=store_of(store, resume, problem, seed),
         forward_ratio=FORWARD_RATIO,
     )
     optimum = DesignOptimum(minimum.x, start, minimum.criterion, minimum, problem, seed)
@@ -185,3 +122,25 @@ def _searched(
                 "from a design whose runs succeed, or increase may_fail."
             )
     return optimum
+
+
+def store_of(
+    store: str | os.PathLike[str] | None, resume: bool, problem: Problem, seed: int
+) -> SearchStore | None:
+    """The store of a search with these arguments, which knows its statistics and its runs."""
+    if store is None:
+        return as_store(store, resume)
+    limits = [c.text() for c in problem.constraints]
+    # With other statistics or runs it would be another search, whose store is refused.
+    goal = (
+        problem.objective.text() if problem.sign > 0.0 else f"greatest {problem.objective.text()}"
+    )
+    runs = "nominal run" if problem.normals is None else f"{problem.count} runs of seed {seed}"
+    return SearchStore(store, resume, "; ".join((goal, *limits, runs)))
+
+
+def progress_of(problem: Problem, progress: Progress | None) -> Progress | None:
+    """The `progress` with the objective in its own sign."""
+    if progress is None:
+        return None
+    return lambda step, objective, *rest: progress(step, problem.sign * objective, *rest)

@@ -91,7 +91,7 @@ def train_design(
         average=average,
         seed=seed,
         progress=progress_of(problem, progress),
-        store=store_of(store, resume, problem, batch, seed),
+        store=store_of(store, resume, problem, seed),
     )
     # A sample of its own, larger than a batch, because one batch says little of the design.
     whole = problem_of(

@@ -112,3 +112,21 @@ def test_a_store_of_another_search_is_refused(tmp_path):
         SEARCHES["sqp"](resume=True)
     with pytest.raises(InputError, match="store is given under jit"):
         jax.jit(lambda x: minimise(valley, x, store=tmp_path / "a.npz").x)(jnp.zeros(2))
+
+
+def test_the_search_of_the_nominal_run_has_its_own_store(tmp_path):
+    def search(nominal, **given):
+        return optimise_design(
+            *(campaign(), jnp.asarray(0.5)),
+            minimise=MeanPlus("y", 1.0),
+            nominal=nominal,
+            store=tmp_path / "search.npz",
+            **given,
+        )
+
+    steps = []
+    whole = search(True)
+    again = search(True, resume=True, progress=lambda *row: steps.append(row))
+    assert bits(again) == bits(whole) and not steps
+    with pytest.raises(InputError, match="which is that of another search"):
+        search(False, resume=True)

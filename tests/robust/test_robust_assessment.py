@@ -10,7 +10,7 @@ from test_robust_design import SCATTER, algebraic, linear_quadratic
 
 from jaxspace.core import InputError
 from jaxspace.dispersion import Normal
-from jaxspace.robust import assess_designs, optimise_design, optimise_nominal
+from jaxspace.robust import assess_designs, optimise_design
 from jaxspace.robust.statistics import CVaR, Mean, MeanPlus, Quantile
 
 K = 2.0
@@ -107,6 +107,6 @@ def test_what_is_wrong_is_said(best):
     ):
         with pytest.raises(InputError, match=sentence):
             assess_designs(best, **arguments)
-    nominal = optimise_nominal(CAMPAIGN, jnp.asarray(0.9), minimise=CVaR("y", 0.9))
+    nominal = optimise_design(CAMPAIGN, jnp.asarray(0.9), minimise=CVaR("y", 0.9), nominal=True)
     with pytest.raises(InputError, match="optimum belongs to the nominal run"):
         assess_designs(nominal)

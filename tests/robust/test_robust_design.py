@@ -17,7 +17,7 @@ from unchecked import unchecked
 
 from jaxspace.core import AbstractClosedForm, AbstractSystem, InputError, Scalar, quantity
 from jaxspace.dispersion import Campaign, Constant, Normal, Uniform
-from jaxspace.robust import optimise_design, optimise_nominal
+from jaxspace.robust import optimise_design
 from jaxspace.robust._runs import problem_of
 from jaxspace.robust.statistics import CVaR, Mean, MeanPlus, Quantile, Violation, Worst
 from jaxspace.simulation import Accuracy, Event, Mission, Phase, Status
@@ -409,11 +409,12 @@ def test_an_unknown_without_influence_is_named(optimiser, bounds):
 
 def test_the_nominal_optimum():
     """Of (x - 1)^2 under x w + (x - 1)^2 <= 1 at w = 0: the constraint is no matter."""
-    found = optimise_nominal(
+    found = optimise_design(
         algebraic(linear_quadratic, {"w": Normal(0.0, 1.0)}),
         jnp.asarray(0.5),
         minimise=MeanPlus("y", 3.0),
         subject_to=[Violation("y", high=0.01).at_most(0.05)],
+        nominal=True,
     )
     np.testing.assert_allclose(found.x, 1.0, atol=1e-3)
     assert repr(found).startswith("Nominal design")

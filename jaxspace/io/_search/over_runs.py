@@ -3,7 +3,7 @@
 import dataclasses
 import os
 from collections.abc import Mapping
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ from ...core import InputError
 from ...dispersion import Campaign
 from ...optimization import Progress
 from ...optimization.optimisers import named_optimiser
-from ...robust import DesignOptimum, optimise_design, optimise_nominal
+from ...robust import DesignOptimum, optimise_design
 from ...robust.statistics import (
     AbstractStatistic,
     Constraint,
@@ -54,25 +54,28 @@ def optimise_over_runs(
     table = file.values["optimize"]
     campaign = campaign_function(file, task, base)
     start = {free.path: jnp.asarray(float(free.start)) for free in task.free}
-    common: dict[str, Any] = {
+    return optimise_design(
+        campaign,
+        start,
         **_goal(task),
-        "subject_to": [_constraint(demand) for demand in task.demands],
-        "bounds": (
+        subject_to=[_constraint(demand) for demand in task.demands],
+        bounds=(
             {free.path: jnp.asarray(free.low) for free in task.free},
             {free.path: jnp.asarray(free.high) for free in task.free},
         ),
-        "scale": {free.path: jnp.asarray(size_of(free)) for free in task.free},
-        "optimiser": named_optimiser(table["optimiser"], table["rate"], table["max_steps"]),
+        scale={free.path: jnp.asarray(size_of(free)) for free in task.free},
+        optimiser=named_optimiser(table["optimiser"], table["rate"], table["max_steps"]),
+        runs=table["runs"],
+        seed=file.dispersion["seed"],
+        nominal=nominal,
+        may_fail=table["may_fail"],
         # A finer tolerance than these corners would never be met.
-        "tolerance": max(table["tolerance"], TOLERANCE),
-        "max_steps": table["max_steps"],
-        "progress": progress,
-    }
-    if nominal:
-        return optimise_nominal(campaign, start, **common)
-    common |= {name: table[name] for name in ("runs", "may_fail")}
-    common["seed"] = file.dispersion["seed"]
-    return optimise_design(campaign, start, store=store, resume=resume, **common)
+        tolerance=max(table["tolerance"], TOLERANCE),
+        max_steps=table["max_steps"],
+        progress=progress,
+        store=store,
+        resume=resume,
+    )
 
 
 @final
