@@ -19,14 +19,13 @@ from ..core.jit import compiled, jit_quickly
 from ..core.status import SimulationError, Status
 from ..integration.accuracy import Accuracy
 from ..simulation.mission_result import MissionTrajectory
-from ..simulation.mission_runs import run_mission
-from ..simulation.phases import resolve_phases
 from ..simulation.trajectory import Trajectory
 from ._campaign import Campaign
 from ._interface import OutputFunction
 from ._isolation import isolate
 from ._outputs import outputs_of, raised
 from ._program import Drawn
+from ._runs import run_inputs
 
 CHECKED = 15
 """Number of runs besides the nominal one: enough to see one among others."""
@@ -69,10 +68,9 @@ def _first_runs(
     """The nominal run, and then the first runs of those drawn."""
     nominal = campaign.nominal()
     samples = {name: jnp.concatenate([x, drawn[name][:CHECKED]]) for name, x in nominal.items()}
-    mission, y0 = campaign.mission(samples)
     # Few runs, whose program takes far longer to compile than to run.
-    configs = resolve_phases(mission, y0, accuracy, 1, small=True)
-    return FirstRuns(run_mission(mission, y0, campaign.start, 2, configs, 1), samples)
+    result, _ = run_inputs(campaign, accuracy, samples, 2, small=True)
+    return FirstRuns(result, samples)
 
 
 def outputs_to_check(function: OutputFunction) -> OutputFunction | None:

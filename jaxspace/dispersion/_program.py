@@ -21,12 +21,12 @@ from ..integration.accuracy import Accuracy
 from ..integration.programs import Runs, is_small
 from ..simulation.blocks import WIDE_VECTORS, Blocks
 from ..simulation.failures import nan_where_failed
-from ..simulation.mission_runs import run_mission
-from ..simulation.phases import resolve_and_count, resolve_phases
+from ..simulation.phases import resolve_and_count
 from ..simulation.trajectory import Trajectory
 from ..stores.results import RunResults
 from ._interface import AbstractCampaign
 from ._outputs import outputs_of
+from ._runs import nominal_unless, run_inputs
 from ._saved_states import StatesToStore, for_outputs, for_store, saved_of
 
 # Runs in one call: enough to outweigh its overhead, on a core and on an accelerator.
@@ -55,11 +55,8 @@ def drawn_by(
     """The inputs of the runs with these `numbers`, of which those `used` raise no error."""
     inputs = campaign.samples(key, numbers)
     allowed = campaign.allowed(inputs)
-    # A refused run takes the nominal inputs, so that its own do not affect other runs of the block.
-    nominal = campaign.nominal()
     # Behind a barrier, because the compiler would compare all of them again for each input.
-    own = barrier(allowed & used)
-    taken = {name: jnp.where(own, x, nominal[name]) for name, x in inputs.items()}
+    taken = nominal_unless(barrier(allowed & used), campaign, inputs)
     status = jnp.where(used, jnp.int32(Status.COMPLETED), jnp.int32(Status.RAISED))
     drawn = Drawn(inputs, taken, jnp.where(allowed, status, jnp.int32(Status.REFUSED)))
     # Not weakly typed, as the arrays of these shapes are not.
@@ -125,10 +122,8 @@ def _block(
     not_run: Integer[Array, " runs"],
     small: bool,
 ) -> RunResults:
-    mission, y0 = campaign.mission(inputs)
-    configs = resolve_phases(mission, y0, accuracy, 1, small=small)
     saved = saved_of(campaign.along, samples)
-    result = run_mission(mission, y0, campaign.start, saved, configs, 1, rolled=True)
+    result, _ = run_inputs(campaign, accuracy, inputs, saved, small=small, rolled=True)
     outputs = outputs_of(campaign.outputs, for_outputs(result, samples), inputs)
     # A run that is refused has been computed beside the others: its own status says so.
     status = jnp.where(not_run == Status.COMPLETED, result.status, not_run)

@@ -16,9 +16,8 @@ from ..core.safe import safe_divide
 from ..core.status import Status
 from ..integration.accuracy import Accuracy
 from ..simulation.legs import legs_of
-from ..simulation.mission_runs import run_mission
-from ..simulation.phases import resolve_phases
 from ._campaign import Campaign
+from ._runs import nominal_unless, run_inputs
 
 MOST_SAVED = 2560
 """Positions of a phase: more make a page slow to load."""
@@ -92,10 +91,8 @@ def _run(
     # The nominal run is the first of the batch, so that one program serves.
     samples = {name: jnp.concatenate([x, drawn[name]]) for name, x in nominal.items()}
     allowed = campaign.allowed(samples)
-    samples = {name: jnp.where(allowed, x, nominal[name]) for name, x in samples.items()}
-    mission, y0 = campaign.mission(samples)
-    configs = tuple(c.small_program() for c in resolve_phases(mission, y0, accuracy, 1))
-    result = run_mission(mission, y0, campaign.start, num_saved, configs, 1)
+    samples = nominal_unless(allowed, campaign, samples)
+    result, _ = run_inputs(campaign, accuracy, samples, num_saved, small=True)
     found = [getattr(phase.states, "position", None) for phase in result.phases]
     parts = [x for x in found if x is not None and x.shape[0] == 3]
     if len(parts) < len(found):
@@ -104,6 +101,7 @@ def _run(
     runs = allowed.shape[0]
     ts = [jnp.broadcast_to(phase.ts, (phase.ts.shape[0], runs)) for phase in result.phases]
     # A branch is a line of its own: nothing is drawn from the end of the one before to its start.
+    mission, _ = campaign.mission(samples)
     starts = [leg.parted for leg in legs_of(mission)[0]]
     times = jnp.concatenate(_apart(ts, starts, axis=0))
     positions = jnp.concatenate(_apart(parts, starts, axis=1), axis=1)

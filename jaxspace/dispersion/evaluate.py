@@ -19,11 +19,10 @@ from ..integration.accuracy import Accuracy
 from ..sampling.designs import AbstractDesign, Sobol, map_normals, normal_columns
 from ..simulation.blocks import jit_wide_vectors
 from ..simulation.failures import nan_where_failed
-from ..simulation.mission_runs import run_mission
-from ..simulation.phases import resolve_phases
 from ._campaign import Campaign
 from ._exact_parts import for_turns
 from ._outputs import outputs_of
+from ._runs import nominal_unless, run_inputs
 from ._whole import check_whole
 
 BLOCK = 256
@@ -47,9 +46,7 @@ def evaluate_traced(
     campaign: Campaign, accuracy: Accuracy, samples: dict[str, Float[Array, " runs"]]
 ) -> tuple[dict[str, Float[Array, " runs"]], Int[Array, " runs"]]:
     """Outputs and status of runs with these inputs, by adaptive steps; differentiable."""
-    mission, y0 = campaign.mission(samples)
-    configs = resolve_phases(mission, y0, accuracy, 1)
-    result = run_mission(mission, y0, campaign.start, campaign.along, configs, 1)
+    result, _ = run_inputs(campaign, accuracy, samples, campaign.along)
     shape = next(iter(samples.values())).shape
     return outputs_of(campaign.outputs, result, samples), jnp.broadcast_to(result.status, shape)
 
@@ -60,9 +57,7 @@ def evaluate_allowed(
     """The same with the status `REFUSED` for runs whose inputs are outside of the allowed ranges;
     the outputs of failed runs are meaningless."""
     allowed = campaign.allowed(samples)
-    nominal = campaign.nominal()
-    # Nominal inputs stand in for refused ones, which may take steps without end.
-    inputs = {name: jnp.where(allowed, x, nominal[name]) for name, x in samples.items()}
+    inputs = nominal_unless(allowed, campaign, samples)
     outputs, status = evaluate_traced(campaign, accuracy, inputs)
     return outputs, jnp.where(allowed, status, Status.REFUSED)
 

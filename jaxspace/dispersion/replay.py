@@ -19,13 +19,12 @@ from ..integration.config import IntegrationConfig
 from ..simulation import MissionTrajectory
 from ..simulation.blocks import Blocks
 from ..simulation.finish import with_calls
-from ..simulation.mission_runs import run_mission
-from ..simulation.phases import resolve_phases
 from ._exact_parts import for_turns
 from ._interface import AbstractCampaign
 from ._isolation import RAISED, callbacks, reason
 from ._outputs import raised
 from ._program import Drawn, call_size, draw_inputs, program, runs_as_small_program
+from ._runs import run_inputs
 from ._saved_states import saved_states, thinned
 from .purpose import with_tolerance
 
@@ -64,10 +63,8 @@ def _run(
     samples: dict[str, Array],
     num_saved: int,
 ) -> tuple[MissionTrajectory, tuple[IntegrationConfig, ...]]:
-    mission, y0 = campaign.mission(samples)
-    configs = resolve_phases(mission, y0, accuracy, 1, small=True)
     saved, every_nth = saved_states(campaign.along, num_saved)
-    result = run_mission(mission, y0, campaign.start, saved, configs, 1)
+    result, configs = run_inputs(campaign, accuracy, samples, saved, small=True)
     return thinned(result, every_nth), configs
 
 

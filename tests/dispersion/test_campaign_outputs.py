@@ -272,7 +272,7 @@ class Way:
 
 def test_the_nominal_run_is_checked_where_the_outputs_are_not(monkeypatch):
     """No program beside that of all runs is compiled."""
-    monkeypatch.setattr(_independence, "run_mission", None)
+    monkeypatch.setattr(_independence, "run_inputs", None)
     inputs = {"w": Normal(3.0, 0.3), "one": Constant(1.0)}
     outputs = Way()
     kept = disperse(Campaign(thrown, inputs, outputs), 600, seed=1, accuracy=1e-9)
