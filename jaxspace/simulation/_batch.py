@@ -95,11 +95,11 @@ def simulate_batch(
     whole = cut_batch(batched, shared)
     # A shape is enough to trace a vector field, and has no number that would be computed.
     start = jax.ShapeDtypeStruct(ts.shape[1:], ts.dtype)
-    check_structure(whole[0], whole[1], start, one_run=False, stacklevel=3)
+    shapes = check_structure(whole[0], whole[1], start, one_run=False, stacklevel=3)
     traced = is_traced((batched, shared))
     if not traced:
         check_values(whole[0], ts, whole[1])
-    warn_of_switches(whole[0], events, whole[1], start, stacklevel=3)
+    warn_of_switches(whole[0], events, shapes, start, stacklevel=3)
     # A traced status cannot decide which runs are repeated (below).
     accuracy = as_accuracy(accuracy)
     check_tolerances(accuracy, runs)

@@ -98,14 +98,14 @@ def simulate(
     given = as_accuracy(accuracy)
     check_tolerances(given, None)
     start = jax.ShapeDtypeStruct((), ts.dtype)
-    check_structure(system, y0, start, one_run=True, stacklevel=3)
+    shapes = check_structure(system, y0, start, one_run=True, stacklevel=3)
     # Once for all that reads numbers, because to look through the arrays takes time.
     traced = is_traced((system, y0, ts, given))
     if not traced:
         check_values(system, ts, y0)
     events = captured_as_leaves(events)
     check_events(events, system, y0, start, 0)
-    warn_of_switches(system, events, y0, start, stacklevel=3)
+    warn_of_switches(system, events, shapes, start, stacklevel=3)
     check_dense(dense, events)
     # A function, because most choices of a method need no numbers, whose reading takes time.
     starts = None if traced else functools.partial(InitialConditions.of_one, system, y0, ts)

@@ -22,7 +22,6 @@ from ..core import AbstractSystem, Scalar, State
 from ..core.structure import without_numbers
 from ..core.tables import breaks_of
 from ..integration.events import Event
-from ..integration.layout import broadcast_state
 
 
 class Follows(NamedTuple):
@@ -88,17 +87,16 @@ def _searches(jaxpr: Jaxpr, given: Sequence[Follows]) -> bool:
 def warn_of_switches(
     system: AbstractSystem,
     events: tuple[Event, ...],
-    y0: PyTree,
+    y: PyTree,
     t: Scalar | jax.ShapeDtypeStruct,
     stacklevel: int,
 ) -> None:
     """Warn of a system that jumps by a part of the state (`AbstractSystem.switches`) that no event
-    reads. `stacklevel` is that of the caller."""
-    switches = _switches_of(system)
-    if not switches:
-        return
-    y = eqx.filter_eval_shape(broadcast_state, system, t, y0)
-    for name, part in switches.items():
+    reads.
+
+    - `y`: the shapes of the state, from `check_structure`.
+    - `stacklevel`: that of the caller."""
+    for name, part in _switches_of(system).items():
         if not any(_reads(event, t, y, part) for event in events):
             warnings.warn(
                 f"{name} makes the vector field discontinuous where {part} reaches a threshold, "

@@ -62,7 +62,7 @@ def resolve_and_count(
         check_until(phase, run_axes)
         whole = check_structure(phase.moving, y, zero, one_run=run_axes == 0, stacklevel=5)
         events = (phase.until,) if isinstance(phase.until, Event) else ()
-        warn_of_switches(phase.moving, events, y, zero, stacklevel=5)
+        warn_of_switches(phase.moving, events, whole, zero, stacklevel=5)
         if isinstance(phase.system, AbstractRunnable):
             # The steps between two samples are fixed, and never run out.
             configs.append(phase.system.config(y, accuracy))
