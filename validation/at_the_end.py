@@ -75,7 +75,7 @@ def _evaluations(run: Any) -> Any:
 HEAD = """
 ## Ask for the error itself
 
-The runs of [`FinalError(1e-9)`](accuracy_and_derivatives.md#ask-for-the-error) and others, relative
+The runs of [`FinalError(1e-9)`](accuracy_and_derivatives.md#requesting-a-final-error) and others, relative
 to every block. A cell is the true error in units of what was asked, and in brackets the evaluations
 of the vector field by all of the runs together, beside those of the cheapest tolerance that would
 have done, of three for each power of ten. *Not met* is what the run says of itself. The scenes
