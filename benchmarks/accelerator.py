@@ -1,5 +1,5 @@
-"""The same work at widths of ten thousand to ten million runs on one device, in both precisions,
-with the error of a sample.
+"""The same tasks with ten thousand to ten million runs on one device, in both precisions, with the
+error of a sample.
 
 `python -m benchmarks --device gpu` measures it, on any machine with `--device cpu`, only the works
 named, and with `--widths 10000 100000` at other widths. All programs are compiled first, at the

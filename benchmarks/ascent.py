@@ -1,5 +1,5 @@
-"""A dispersed two-stage ascent of a point through air: this library beside the method of Runge and
-Kutta in numpy and numba.
+"""A dispersed two-stage ascent of a point mass through the atmosphere: jaxspace and Runge-Kutta
+implementations in NumPy and Numba.
 
 Twelve seconds upwards, a kick, a gravity turn until the first stage is burnt out and dropped, and
 the second stage's burn. The peers take steps of one second, as such programs do; ours is cut at the

@@ -1,5 +1,5 @@
-"""A campaign that is kept: the two-stage ascent of `ascent.py` a million times, and the dispersion
-of the kick stage, each into a store; what the store costs, and the greatest memory.
+"""Campaigns with a store: the two-stage ascent of `ascent.py` with a million runs, and the campaign
+of the kick stage; the cost of the store, and the peak memory.
 
 The rows of workers are processes with one core each; they count from the moment when every worker
 has delivered its second chunk, for each of them compiles or loads the program first. The rate of

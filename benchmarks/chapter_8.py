@@ -1,9 +1,9 @@
-"""The searches of Thomson's chapter 8 by optax and by the quadratic programmes of `minimise`:
-staging, steering to a height, steering into an orbit by laws of two to nineteen numbers, and
-staging with the losses of a flight. Processor seconds of the first call, with compilation, and of a
-further one (median of five), steps, and how far the optimum lies from the known one: the closed
-form, the linear tangent law, Pontryagin's conditions; stages with losses are compared with the
-lighter rocket that either finds.
+"""The optimisations of Thomson's chapter 8 with optax and with the SQP method of `minimise`:
+staging, steering to a height, steering into an orbit by laws with two to nineteen parameters, and
+staging with simulated losses. The table lists the CPU time of the first call, including
+compilation, and of a further one (median of five), steps, and the error with respect to the known
+optimum: the closed form, the linear tangent law, Pontryagin's conditions; stages with losses are
+compared with the lighter of the two resulting rockets.
 
 L-BFGS is that of `optimisers.lbfgs`. The network is trained by `adam` with a rate that falls by a
 cosine, in 4000 steps."""

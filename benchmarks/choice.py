@@ -1,7 +1,8 @@
-"""Why `method="auto"` selects as it does: 256 eccentric orbits of ten revolutions, whose periapsis
-lies low above an oblate body, by RKN 12(10) in time, by adaptive steps in regularised variables, by
-fixed ones with their estimate, and by heyoka's vectors; and a gyrocompass for a hundred seconds,
-1e5 radians of its rotor's nutation, by DOP853 and by default."""
+"""Evidence for the selection of `method="auto"`: 256 eccentric orbits over ten revolutions, with a
+low periapsis above an oblate body, by RKN 12(10) in physical time, by adaptive and by fixed steps
+in regularised variables with their error estimate, and by heyoka with vectorised integration; and a
+gyrocompass for a hundred seconds, 1e5 radians of the nutation of its rotor, by DOP853 and by the
+default method."""
 
 from typing import Any
 

@@ -1,7 +1,8 @@
-"""What sampled control costs beside the motion alone, and how fast environments step: a rigid body
-under quaternion feedback for 100 samples by Tsit5, one step a sample, alone and in a batch of 256;
-and a satellite with three wheels in batches of 4096 in single precision, in blocks of 128 on every
-core. Errors are those of one step of half a second beside DOP853 at eight times the steps."""
+"""Cost of sampled control relative to the motion alone, and the step rate of environments: a rigid
+body with quaternion feedback for 100 samples by Tsit5, one step per sample, single and in a batch
+of 256; and a satellite with three wheels in batches of 4096 in single precision, in blocks of 128
+on every core. Errors are those of one step of half a second compared with DOP853 with eight times
+as many steps."""
 
 import os
 import subprocess

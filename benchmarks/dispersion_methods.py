@@ -1,5 +1,5 @@
-"""Mean and deviation by the methods that need no campaign, beside 20 000 runs, whose rows say how
-well these know the truth; and rare events of a known probability, 1e-6.
+"""Mean and standard deviation by methods that need no campaign, compared with 20 000 runs, whose
+rows state the sampling errors; and rare events with a known probability, 1e-6.
 
 The scene is `intercept.toml` with errors of 5 m/s in each component of the first impulse. Rare
 events are of a point that moves straight on, x = x0 + v0 t with x0 and v0 normal: x itself, whose

@@ -1,8 +1,8 @@
-"""256 orbits of eccentricity 0.7 about an oblate body, with a periapsis of about 1.06 radii and any
-orientation, for a hundred revolutions: by RKN 12(10) in time, by adaptive steps in regularised
-variables, and by heyoka's vectors. `choice` has ten revolutions, where the call, the start and the
-landing on the end take two fifths of the time of regularised steps; a hundred show what the steps
-themselves cost."""
+"""256 orbits of eccentricity 0.7 about an oblate body, with a periapsis of about 1.06 radii and
+random orientations, for a hundred revolutions: by RKN 12(10) in physical time, by adaptive steps in
+regularised variables, and by heyoka with vectorised integration. `choice` has ten revolutions,
+where the call, the first step and stopping at the final time take two fifths of the time of
+regularised steps; a hundred revolutions show the cost of the steps themselves."""
 
 import jax.numpy as jnp
 import numpy as np

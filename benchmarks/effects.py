@@ -1,6 +1,6 @@
-"""A thousand low orbits for a day by DOP853 at 1e-9 under one more effect at a time: what each adds
-to the CPU time of the attraction alone, and to the evaluations. The cost of an effect in an
-evaluation is the first divided by the second."""
+"""A thousand low orbits for one day by DOP853 at 1e-9 with one additional effect at a time: the
+increase of the CPU time relative to point-mass gravity, and of the number of evaluations. The cost
+of an effect per evaluation is the ratio of the two."""
 
 from typing import Any
 

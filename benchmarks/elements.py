@@ -1,14 +1,13 @@
-"""A million states of all conics to classical, modified equinoctial and equinoctial elements, and
-back: compiled, in one array and shared out among all cores, beside the same formulas in NumPy,
-whole arrays at a time, with Newton's iterations for Kepler's equation. In one loop: both ways for a
-block of states at a time (`core.blocks.in_blocks` around both) with the widest vectors, so that the
-elements in between stay in the cache. In place: the states after it in the memory of those before
-it, which are donated. The error is that of the position after both ways, relative; in place, of as
-many ways there and back as were timed. In the last rows what bounds all: sines and arctangents
-alone, a million each, as XLA has them, as NumPy has them, and in the vectors of this library; and
-the sign of all numbers changed, which is the traffic of reading and writing the states alone: into
-fresh memory it costs five times as much as in place, because the system hands out every page on its
-first touch."""
+"""Conversion of a million states on all conics to classical, modified equinoctial and equinoctial
+elements and back: compiled, as one array and distributed over all cores, compared with the same
+formulas in NumPy on whole arrays, with Newton iterations for Kepler's equation. In one loop: both
+conversions for one block of states at a time (`core.in_blocks` around both) with the widest
+vectors, so that the elements remain in the cache. In place: the results overwrite the states, which
+are donated. The error is the relative error of the position after both conversions; in place, after
+as many conversions as were timed. The last rows are the bounds: sines and arctangents, a million
+each, in XLA, in NumPy and in the vector functions of jaxspace; and the negation of all values,
+which is the memory traffic of reading and writing the states: with new memory it takes five times
+as long as in place, because the operating system maps each page on first access."""
 
 import jax
 import jax.numpy as jnp

@@ -1,10 +1,9 @@
-"""The steps of an environment beside those of MuJoCo's engine in JAX (MJX): 1024 free bodies of
-three different moments that tumble at some radian a second, for one second from rest in attitude,
-in single precision. A run is one body for one second; each row says how long its steps are. Errors
-are beside an adaptive integration in double precision at 1e-12. An engine for contacts and joints
-carries more than a free body needs, and this one is made for accelerators: the table tells what a
-step of it costs here, and not what it is for.
-"""
+"""Environment steps compared with MuJoCo's JAX engine (MJX): 1024 free bodies with three different
+moments of inertia that tumble at a few radians per second, for one second from the identity
+attitude, in single precision. A run is one body for one second; each row states the step size.
+Errors are with respect to an adaptive integration in double precision at 1e-12. An engine for
+contacts and joints computes more than a free body needs, and MJX is designed for GPUs and TPUs: the
+table shows the cost of a step for this task, which is not its intended use."""
 
 from collections.abc import Callable
 from typing import Any

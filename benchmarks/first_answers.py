@@ -1,6 +1,6 @@
-"""What an engineer waits for: seconds from the call to the answer in a new process without a kept
-cache, compilation included, of searches and of first derivatives. Processor seconds stand beside
-those of the clock, which count what else the machine does.
+"""Time in seconds from the call to the result in a new process without a stored compilation cache,
+including compilation, for optimisations and first derivatives. CPU time and wall time are listed;
+the wall time includes the load of the machine.
 
 Wanted on two cores: a launch in 60 s (goal 20), the transfer in 15, the gradient of four phases
 in 5, the gradient of an orbit by RKN 12(10) in 2 and its Hessian in 8. Most of it is the compiler,

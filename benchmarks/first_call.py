@@ -1,5 +1,5 @@
-"""Seconds from calling `simulate` for the first time in a new process to its result, without and
-with a kept cache."""
+"""Time in seconds from the first call of `simulate` in a new process to its result, without and
+with a stored compilation cache."""
 
 import os
 import subprocess

@@ -1,5 +1,5 @@
-"""A free asymmetric body over a hundred precessions: closed form and stepping beside heyoka's
-Taylor method."""
+"""A free asymmetric body over a hundred precessions: closed form, integration, and heyoka's Taylor
+method."""
 
 import jax.numpy as jnp
 import numpy as np

@@ -1,13 +1,14 @@
-"""What a derivative costs beside the run itself: reverse mode, and the full matrix of first
-derivatives by forward mode; 256 low orbits for three revolutions, in one program compiled by the
-user for vectors of 512 bits, at the default `max_steps`. Forward mode takes the steps twice, to
-record them and along the record, and a column costs as much as 0.6 to 1.0 of a run, since a tangent
-has the sums of the method like a state and only the roots and quotients of the field are shared:
-with six columns eight or nine runs, by the method of Stormer twenty-three. A rule by hand for the
-gradient of gravity, which is symmetric, made no column cheaper. Without derivative control the
-steps look at the motion alone; forward mode of a single run is along one direction. The flight is
-through the standard atmosphere with tables of drag and thrust, whose kinks a tangent sees as jumps:
-its error is that of its derivative by the first mass, against that of the tightest tolerance."""
+"""Cost of a derivative relative to the run itself: reverse mode, and the full Jacobian in forward
+mode; 256 low orbits for three revolutions, in one program compiled by the user for vectors of 512
+bits, with the default `max_steps`. Forward mode executes the steps twice, once to record them and
+once along the record, and a column costs as much as 0.6 to 1.0 of a run, because a tangent has the
+same sums of the method as a state and only the roots and quotients of the vector field are shared:
+six columns cost as much as eight or nine runs, and twenty-three with Stormer's method. A
+handwritten derivative rule for the gravity gradient, which is symmetric, did not reduce the cost of
+a column. Without derivative control the steps depend only on the motion; forward mode of a single
+run is along one direction. The flight is through the standard atmosphere with tables of drag and
+thrust, whose kinks are discontinuities of a tangent: its error is that of the derivative with
+respect to the initial mass, compared with the tightest tolerance."""
 
 from collections.abc import Callable
 from pathlib import Path

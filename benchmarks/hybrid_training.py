@@ -1,6 +1,6 @@
-"""One step of training a network inside of a system, loss and gradient: 256 paths of a pendulum in
-the plane with a network of 1,282 weights, tolerance 1e-3, single precision, in one program. Beside
-it a mapped solve of diffrax with the same method and tolerance, as one writes it by hand."""
+"""One training step of a network inside a system, loss and gradient: 256 trajectories of a plane
+pendulum with a network of 1,282 weights, tolerance 1e-3, single precision, in one program; and a
+handwritten mapped solve with diffrax with the same method and tolerance."""
 
 import diffrax
 import equinox as eqx

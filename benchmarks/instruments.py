@@ -1,6 +1,6 @@
-"""Instruments and mechanics: a gyrocompass let go for a minute, 1e5 radians of its nutation, by
-DOP853 and by default, at two tolerances; the walk of a gimbal over 1e5 nutations; a pendulum of
-four links by its Lagrangian and by hand; and runs in single precision."""
+"""Instruments and mechanics: a gyrocompass released for one minute, 1e5 radians of its nutation, by
+DOP853 and by the default method, at two tolerances; the gimbal walk over 1e5 nutations; a pendulum
+of four links by its Lagrangian and by explicit equations; and runs in single precision."""
 
 from typing import Any
 

@@ -1,6 +1,6 @@
-"""A million states on ellipses and hyperbolas moved along by the closed form, with the error of a
-sample against forty digits, and that of a sample of strong hyperbolas; beside pykep on one core,
-called from prepared lists with its results dropped.
+"""Propagation of a million states on ellipses and hyperbolas in closed form. The errors are those
+of a sample compared with forty digits, and of a sample of strong hyperbolas. pykep runs on one
+core, with lists prepared in advance and without storing its results.
 
 In blocks: a thousand states at a time, arrays (blocks, 3, 1024). Ours give the whole state, as
 pykep does; pykep moves the first 2^16 states only, and has its own process."""

@@ -1,8 +1,8 @@
-"""Lambert's problem for a hundred thousand pairs of places a few radii from the centre, arrivals
-within a revolution: the velocity at the start; beside pykep on one core, called from prepared lists
-with its results dropped. The error is how far from the second place a sample arrives, in forty
-digits, as a part of its distance; that of hard transfers is over arcs down to 1e-4 rad from none,
-from a half and from a full turn, in 1e-2 to 1e2 time units.
+"""Lambert's problem for a hundred thousand pairs of positions at a few radii from the centre, with
+arrival within one revolution: the initial velocity. pykep runs on one core, with lists prepared in
+advance and without storing its results. The error is the miss distance of a sample, computed with
+forty digits, relative to the distance of the second position; hard transfers have transfer angles
+within 1e-4 rad of zero, half a turn and a full turn, and durations of 1e-2 to 1e2 time units.
 
 In blocks: a thousand pairs at a time, arrays (blocks, 3, 1024). Ours give both velocities, as pykep
 does."""

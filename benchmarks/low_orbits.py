@@ -1,6 +1,5 @@
-"""One day of low orbits under oblateness (15 revolutions): this library beside heyoka, beside
-diffrax and astrojax mapped over the runs, and beside scipy on the first few of them, one run at a
-time."""
+"""One day of low orbits under oblateness (15 revolutions): jaxspace and heyoka, diffrax and
+astrojax mapped over the runs, and SciPy for the first few runs, one at a time."""
 
 import math
 from typing import Any

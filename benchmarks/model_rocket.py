@@ -1,9 +1,9 @@
-"""A model rocket flown from its motor file with six degrees of freedom, Calisto from its rail to
-its apogee: many inclinations of the rail in one batch, against RocketPy, which flies the same
-vehicle one flight after the other, each with the tolerances of its own default. The errors are
-those of the apogee: ours against runs at 1e-10, RocketPy's against itself with 1e-10 and steps of
-0.01 s. `times the rate of RocketPy` compares the machine with its one core, `of one core` core with
-core.
+"""The flight of a model rocket with a motor file and six degrees of freedom, Calisto from rail to
+apogee: a batch of many rail inclinations, compared with RocketPy, which simulates the same vehicle
+one flight at a time, each with its default tolerances. The errors are those of the apogee: for
+jaxspace compared with runs at 1e-10, for RocketPy compared with itself at 1e-10 and steps of 0.01
+s. `times the rate of RocketPy` compares the whole machine with one core of RocketPy, `of one core`
+core with core.
 
 Wanted: 300 times the rate of RocketPy, 1000 as a goal.
 """

@@ -1,8 +1,8 @@
 """Thirty problems of Hock and Schittkowski (1981) and the five ascents and transfers of
-`examples/known_optima`: optima found, steps, evaluations of the problem and processor seconds with
-compilation, by `minimise` with quadratic programmes and with L-BFGS of optax, by SLSQP and
-trust-constr of SciPy; by slsqp-jax and Ipopt where these are installed; and whether a search works
-inside of `jax.jit` and `jax.vmap`.
+`examples/known_optima`: optima found, steps, evaluations of the problem and CPU time including
+compilation, by `minimise` with SQP and with L-BFGS of optax, by SLSQP and trust-constr of SciPy,
+and by slsqp-jax and Ipopt if these are installed; and whether the optimisation works inside
+`jax.jit` and `jax.vmap`.
 
 Found is an optimum whose objective and constraints are right to 1e-6, and to 1e-5 of a published
 optimum. SciPy and Ipopt are given the compiled objective and constraints with their derivatives, of

@@ -13,19 +13,20 @@ SPEED = "runs_per_second"
 ERRORS = ("worst_relative_error", "worst_error_of_the_rate")
 # Stands at the end of a row's name; the rest names the method.
 SETTING = re.compile(r",? \d+e[-+]\d+$|, [\d.]+ (steps|a revolution|s)$")
-HEAD = """# Speed beside accuracy
+HEAD = """# Benchmarks: speed and accuracy
 
-`make bench` measures this and writes this page. Every method does the same work in one process, in
-turn. The figures are medians; the first call, which compiles, stands apart. `cores` is how many
-cores were used on average: a figure per CPU-second compares methods that use different numbers of
-them, and is rough where a call takes less than the clock of the processor resolves. Errors are
-those of the worst run. Machines differ: compare within a column.
+`make bench` runs these measurements and writes this page. All methods perform the same task in one
+process, in turn. The values are medians; the first call, which compiles, is listed separately.
+`cores` is the average number of cores used: a value per CPU second is for comparing methods that
+use different numbers of cores, and is inaccurate if a call is shorter than the resolution of the
+CPU clock. Errors are those of the worst run. Results depend on the machine: compare within a
+column.
 
-What a processor does in one instruction decides most figures. Most servers and desktops have AVX2,
-some twice as wide vectors and twice the registers, AVX-512. A table is of the first machine that it
-names; where another set of instructions was measured as well, its rates stand in the last columns.
-"avx2 of avx512" is a processor whose wide vectors our compiler was told to leave alone: the
-programs of others in that column use them.
+The instruction set of the processor determines most results. Most servers and desktops support
+AVX2; some support AVX-512, with twice as wide vectors and twice as many registers. A table is for
+the first machine that it lists; rates for another instruction set, if measured, are in the last
+columns. "avx2 of avx512" is a processor with AVX-512 whose wide vectors were disabled for jaxspace:
+the other libraries in that column use them.
 """
 
 

@@ -1,6 +1,6 @@
-"""A million transfers from the Earth to Mars on their ellipses: a thousand departures by a thousand
-arrivals, the sizes of both impulses, `lambert` each; on one device, and the departures shared out
-among all. Seconds for the whole table."""
+"""A million transfers from Earth to Mars on elliptic orbits: a thousand departure by a thousand
+arrival times, the magnitudes of both impulses, one call of `lambert` for each; on one device, and
+with the departures distributed over all. Seconds for the whole table."""
 
 import jax
 import jax.numpy as jnp

@@ -1,9 +1,9 @@
-"""Calisto from its rail to the ground with a scatter of the angles of its rail: by the campaign of
-RocketPy, its class `MonteCarlo` with its stochastic classes, one flight after the other, and by
-ours. Both draw for themselves: means and deviations agree within their sampling errors, which the
-rows give, and to what the two models of the flight differ by. Each rocket of RocketPy's campaign is
-corrected by `_rocketpy.corrected`: as shipped, version 1.13 has its propellant and its nozzle ahead
-of the centre of dry mass, turns further into the wind and lands 89 m further west.
+"""Calisto from rail to landing with dispersed rail angles: the campaign of RocketPy, its class
+`MonteCarlo` with its stochastic classes, one flight at a time, and that of jaxspace. The samples
+are independent: means and standard deviations agree within the sampling errors, which are listed,
+and the differences between the two flight models. Each rocket of RocketPy's campaign is corrected
+by `_rocketpy.corrected`: in version 1.13 as released, propellant and nozzle are ahead of the centre
+of dry mass, and the rocket turns further into the wind and lands 89 m further west.
 
 Ours is timed as a whole, compilation included: the rows say how much of it that was, and how much
 the processors worked.

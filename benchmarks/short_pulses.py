@@ -1,7 +1,7 @@
-"""How many of forty smooth pulses fall between the stages of long steps, unseen and with a status
-of success, by their length over the mean step: an oscillator over twenty time units that is struck
-once, at 1e-9, against the closed form. Missed is what leaves more than half of the pulse's effect
-out. With a `max_step` of half a pulse none may be missed.
+"""The number of forty smooth pulses that fall between the stages of long steps and are missed with
+a successful status, by pulse length relative to the mean step: an oscillator over twenty time units
+with one pulse, at a tolerance of 1e-9, compared with the closed form. A pulse counts as missed if
+more than half of its effect is lost. With a `max_step` of half a pulse no pulse may be missed.
 
 The pulses are (1 + cos)/2 in shape. SciPy's DOP853 stands for peers that sample, too; each method
 at its own mean step."""

@@ -1,9 +1,10 @@
-"""What the rules of `method="auto"` rest on: evaluations of the vector field a run, and the error
+"""Evidence for the rules of `method="auto"`: evaluations of the vector field per run, and the error
 of the worst of eight runs, by the methods between which a rule decides. Heavy tops for ten seconds
-(loose or tight tolerance), low orbits about an oblate earth for a day (second order or not), ten
+(loose or tight tolerance), low orbits about an oblate Earth for one day (second order or not), ten
 revolutions at an eccentricity of 0.7 (regularised or not), and a gyrocompass for ten seconds, 1e4
-radians of its nutation (fast and linear beside slow). Each run is made alone, so that its steps are
-its own; evaluations do not depend on the machine."""
+radians of its nutation (fast linear motion combined with slow motion). Each run is simulated
+separately, so that its steps are its own; the number of evaluations does not depend on the
+machine."""
 
 from collections.abc import Callable
 
