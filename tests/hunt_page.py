@@ -14,30 +14,32 @@ RECORD = Path(__file__).parent / "hunt.json"
 SHOWN = 30.0
 DEFECT = 100.0
 
-HEAD = """# The hunt
+HEAD = """# Fuzz testing
 
-`make hunt` searches for the inputs at which the formulas are worst, and writes this page. Errors
-are in roundings (2.2e-16) times the condition number of the place: what the rounding of the
-inputs alone does is about 1, and more than 100 is a defect. A vector is rounded by its length: a
-component that is nearly zero is that in one set of axes alone.
+`make hunt` searches for the inputs with the largest numerical errors of all formulas, and writes
+this page. Errors are in units of the rounding error (2.2e-16) times the condition number: the
+effect of rounding the inputs is about 1, and a value above 100 is a defect. The rounding error of a
+vector is relative to its norm, because a component that is nearly zero depends on the choice of
+axes.
 
 {summary}
 
-## How it is measured
+## Method
 
-For each function the search takes random inputs, on and close to its singular places too, and
-steps from the worst ones to worse ones. `python tests/hunt.py --seconds 60 NAME` searches longer.
+For each function the search evaluates random inputs, including inputs at and near its
+singularities, and moves from the worst ones to worse ones. `python tests/hunt.py --seconds 60 NAME`
+searches longer.
 
-The truth is an evaluation of the same formulas in forty digits. Derivatives, those of forward and
-of reverse mode, are compared with central differences in sixty digits, each times its input.
-Outputs of one kind are measured by the largest of them. This sees every rounding, cancellation
-and overflow, and every wrong rule of a derivative. It does not see the truncation of a series, a
-quadrature or a fixed number of steps, which it repeats: the [hard
-cases](../reference/hard_cases.md), whose truths come from other formulas, do. Next to a singular
-place the condition of a derivative is an estimate.
+The reference is an evaluation of the same formulas with forty digits. Forward- and reverse-mode
+derivatives are compared with central differences with sixty digits, each multiplied by its input.
+Outputs of the same kind are measured relative to the largest of them. This detects every rounding
+error, cancellation and overflow, and every incorrect derivative rule. It does not detect the
+truncation error of a series, a quadrature or a fixed number of steps, which the reference repeats:
+the [edge cases](../reference/hard_cases.md) do, because their references are computed from other
+formulas. Near a singularity the condition number of a derivative is an estimate.
 """
 TABLE = """
-| Function | Places | Value | Places | Derivatives |
+| Function | Inputs | Value | Inputs | Derivatives |
 |---|--:|--:|--:|--:|
 """
 TITLES = {
@@ -49,27 +51,27 @@ TITLES = {
     "gyros": "Gyros",
     "mechanics": "Mechanics",
     "rockets": "Rockets",
-    "vehicles": "Vehicles in air",
+    "vehicles": "Rockets in air",
     "control": "Control",
-    "optimization": "Optimal flight",
+    "optimization": "Optimisation",
 }
 SYSTEMS = "Vector fields and invariants of systems"
-# What is known of the worst places, by the name of the function.
+# Explanations of the worst inputs, by the name of the function.
 NOTES: dict[str, str] = {
-    "stable_platform": "four gimbals turn three axes: the inertia of one counts against that of "
-    "the platform",
-    "looking": "in the zenith the sine of the elevation is greatest: what is left of its "
-    "derivative is one rounding of the value",
+    "stable_platform": "four gimbals rotate three axes: the inertia of one cancels against that "
+    "of the platform",
+    "looking": "at the zenith the sine of the elevation is maximal, and its derivative is "
+    "one rounding error of the value",
     **dict.fromkeys(
         ("gyropendulum_motion", "rate_gyro_response", "error_motion", "compass"),
-        "the exponential of A t loses a rounding of its norm |A t|, not only of its condition",
+        "the error of the exponential of A t is proportional to the norm |A t|",
     ),
-    "gyro_rates": "the outer rate is left of a momentum of which the spin has nearly all",
-    "kepler": "a flyby from afar, whose derivatives by the velocity lose up to two digits",
-    "impulse": "a difference of elements: `first_order=True` keeps the digits of a small impulse",
-    "burning_stage": "of a mass far below the dry mass, which no run has: inertias cancel",
-    "rolling_disk": "the disk lies flat, where it has no point of contact",
-    "between_turns": "where both turning points meet, two digits of the derivatives",
+    "gyro_rates": "the outer rate is a small remainder of a momentum that is mostly spin",
+    "kepler": "a distant flyby, whose derivatives with respect to velocity lose up to two digits",
+    "impulse": "a difference of elements: `first_order=True` is accurate for a small impulse",
+    "burning_stage": "a mass far below the dry mass, which no run reaches: inertias cancel",
+    "rolling_disk": "a flat disk, whose contact point is undefined",
+    "between_turns": "two digits of the derivatives are lost where both turning points coincide",
 }
 
 
@@ -102,15 +104,13 @@ def page(rows, missing: Sequence[str] = ()) -> str:
         if some:
             lines = "\n".join(_row(r) for r in some)
             parts.append(f"\n## {title}\n{TABLE}{lines}\n")
-    parts.append(
-        "\n## The worst places\n\nWhere a figure above is over 30, and at which inputs:\n\n"
-    )
+    parts.append("\n## Worst inputs\n\nInputs with an error above 30:\n\n")
     parts += [_place(r) for r in rows if max(r.value, r.slopes) > SHOWN] or ["- None.\n"]
-    parts.append("\n## Left out\n\nPublic names without an error to search for:\n\n")
+    parts.append("\n## Excluded names\n\nPublic names that are not searched, by reason:\n\n")
     hunted = {name for r in rows for name in r.computes}
     for why, names in left_out(public_names() - hunted).items():
         listed = ", ".join(f"`{name}`" for name in names)
-        parts.append(f"- What {why}: {listed}.\n")
+        parts.append(f"- {why[0].upper()}{why[1:]}: {listed}.\n")
     if missing:
         parts.append(f"\nStill to be searched by `make hunt`: {', '.join(missing)}.\n")
     return "".join(parts)
@@ -125,9 +125,9 @@ def _summary(rows) -> str:
         for x in (lambda r: r.value, lambda r: r.slopes)
     ]
     return (
-        f"The last search looked at {len(rows)} functions and systems, at {places:,} places. Over "
-        f"100 in value: {counts[0]}; over 100 in a derivative: {counts[1]}. The others are within "
-        f"{figure(rest[0])} in value and {figure(rest[1])} in derivatives."
+        f"The last search evaluated {len(rows)} functions and systems at {places:,} inputs. Errors "
+        f"above 100 in value: {counts[0]}; above 100 in a derivative: {counts[1]}. The maximum "
+        f"error of the others is {figure(rest[0])} in value and {figure(rest[1])} in derivatives."
     )
 
 

@@ -230,27 +230,30 @@ def _remains(system, states, ts, chosen, change):
     return ~(finer < 0.1 * change[chosen])
 
 
-HEAD = """# No silent NaN
+HEAD = """# NaN handling
 
-A run that ends well is finite, and a run that does not has a `Status` that says why. `make hunt`
-looks for exceptions, and writes this page: *Silent NaN* and *Wrong* are to be zero.
+The states of a successful run are finite, and a failed run has a `Status` that gives the cause.
+`make hunt` searches for exceptions, and writes this page: the columns *Silent NaN* and *Wrong* must
+be zero.
 
-Each system of the registry runs on random legal inputs (parameters from half to twice those of an
-example, states moved by a third), and on as many inputs with one illegal number each: not finite,
-far out (1e300), or outside the range that its field declares. The library refuses an illegal
-parameter in an error sentence when it sees it. Under `jit` it does not see it, and all runs below
-are made there, so that the illegal number gets in. It may leave a finite motion all the same, such
-as a moment of inertia of 1e300.
+Each system of the registry is simulated with random valid inputs (parameters from half to twice
+those of an example, states changed by a third), and with as many inputs that contain one invalid
+value each: not finite, very large (1e300), or outside the declared range of its field. Concrete
+invalid parameters raise an error. All runs below are made under `jit`, where values are not known,
+so that the invalid value is used. The motion may be finite nevertheless, for example with a moment
+of inertia of 1e300.
 
-The runs have 512 steps at most: hence the `MAX_STEPS` of wild inputs, such as a planet of twice the
-radius, whose air the orbit dives into, or a stage that starts far below the ground. An attraction
-that falls faster than 1/r^3 (`central_forces`) draws some orbits into its centre in finite time: no
-number of steps gets past.
-*Wrong* are legal runs that end well and that were outside the range of their model at one of eight
-times, or whose invariants moved by more than 1e-5, unless nine tenths of it go with a hundredth of
-the tolerance: an orbit that falls from 5000 km to 30 km is that sensitive.
+The maximum number of steps is 512, which explains the status `MAX_STEPS` for extreme inputs, such
+as a planet of twice the radius, whose atmosphere the orbit enters, or a stage that starts far below
+the ground. With an attraction that decreases faster than 1/r^3 (`central_forces`), some orbits
+reach the centre in finite time, which cannot be resolved with any number of steps.
 
-| System | Inputs | Runs | Silent NaN | Wrong | Refused where seen | End well | End with a status |
+*Wrong* counts successful runs with valid inputs that were outside the range of validity of their
+model at one of eight times, or whose invariants changed by more than 1e-5, unless a hundred times
+smaller tolerance reduces the change by nine tenths: an orbit that falls from 5000 km to 30 km is
+that sensitive.
+
+| System | Inputs | Runs | Silent NaN | Wrong | Rejected if concrete | Successful | Failed |
 |---|---|--:|--:|--:|--:|--:|---|
 """
 

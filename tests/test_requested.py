@@ -64,9 +64,15 @@ def test_a_miss_is_bold_and_needs_a_reason(monkeypatch):
     assert requested.missed(one)[0] == ("float64", 1e-6, 2e-5)
     with pytest.raises(KeyError):
         requested.text({"A scene": one}, {})
-    monkeypatch.setitem(requested.NOTES, "A scene", "its motion enlarges errors thirty times.")
+    monkeypatch.setitem(
+        requested.NOTES, "A scene", "the motion amplifies errors by a factor of thirty."
+    )
     page = requested.text({"A scene": one}, {"another": ends})
-    assert "**2.0e-05**" in page and "**fails**" in page and "Of 8 runs 6 end within" in page
+    assert (
+        "**2.0e-05**" in page
+        and "**fails**" in page
+        and "The error of 6 of 8 runs is within" in page
+    )
     # Of the errors at the end half are beyond what was asked.
     assert (
         "in 2 scenes, 4 of 4 runs report that it was reached. 2 of these errors are within" in page

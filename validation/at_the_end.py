@@ -73,14 +73,15 @@ def _evaluations(run: Any) -> Any:
 
 
 HEAD = """
-## Ask for the error itself
+## Requested final errors
 
-The runs of [`FinalError(1e-9)`](accuracy_and_derivatives.md#requesting-a-final-error) and others, relative
-to every block. A cell is the true error in units of what was asked, and in brackets the evaluations
-of the vector field by all of the runs together, beside those of the cheapest tolerance that would
-have done, of three for each power of ten. *Not met* is what the run says of itself. The scenes
-whose names are of few words, from the registry of systems of the tests, were drawn at random; of
-these those with a closed form are integrated all the same.
+The table is for [`FinalError(1e-9)`](accuracy_and_derivatives.md#requesting-a-final-error) and
+other values, relative to every block. A cell contains the true error divided by the requested
+error, and in brackets the number of evaluations of the vector field in all runs of the search,
+divided by that of the cheapest sufficient tolerance, of three for each power of ten. *Not met*
+means that the run reported this itself. The scenes with names in lower case are from the registry
+of systems of the tests and were selected at random; those with a closed form are integrated for
+this comparison.
 
 | Scene | {columns} |
 |---|{rules}
@@ -93,11 +94,11 @@ def summary(found: dict[str, dict[str, list[AtTheEnd]]]) -> str:
     met = [one for one in every if one.met]
     late = [one for one in met if one.error > 1.0]
     worst = max(one.error for one in met)
-    within = f"All of these are within what was asked, the worst at {worst:.2g} of it."
+    within = f"All of these errors are within the request, the largest at {worst:.2g} of it."
     verb = "is" if len(late) == 1 else "are"
     beyond = (
-        f"{len(met) - len(late)} of these are within what was asked, and {len(late)} {verb} not: "
-        f"the worst ends at {worst:.2g} times it."
+        f"{len(met) - len(late)} of these errors are within the request, and {len(late)} {verb} "
+        f"not: the largest is {worst:.2g} times the request."
     )
 
     def times(costs: list[float]) -> tuple[str, str]:
@@ -107,12 +108,11 @@ def summary(found: dict[str, dict[str, list[AtTheEnd]]]) -> str:
     together, most = times([one.cost for one in met])
     last, most_last = times([one.last for one in met])
     return (
-        f"Asked for an error at the end, in {len(found)} scenes, {len(met)} of {len(every)} runs "
-        f"say that it is met. {beyond if late else within} Beside the cheapest tolerance that "
-        f"would have done, which is known only afterwards, all the runs of a search together take "
-        f"{together} times the evaluations of the vector field in the median, nine of ten searches "
-        f"less than {most} times; the last run alone takes {last} times, nine of ten less than "
-        f"{most_last} times."
+        f"With a requested final error in {len(found)} scenes, {len(met)} of {len(every)} runs "
+        f"report that it was reached. {beyond if late else within} Relative to the cheapest "
+        f"sufficient tolerance, which is known only afterwards, the median number of evaluations "
+        f"of the vector field in all runs of a search is {together}, with a 90th percentile of "
+        f"{most}; for the last run alone it is {last}, with a 90th percentile of {most_last}."
     )
 
 

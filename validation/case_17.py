@@ -26,22 +26,26 @@ from .nesc import FOOT, J2, course, north_east_down, published
 
 ABOUT = """## NASA's check-case 17: two stages to orbit
 
-An unguided rocket turns by gravity and its fins, coasts for 97 seconds and burns again. The package
-`two-stage_package` of the check-cases has the model; of the published courses that of simulator 06
-is at hand. Flown as the package says, ours is 5 percent higher and pitched 9 degrees higher when
-the second burn ends. The published course was therefore asked what it flies. It is not the frame,
-nor gravity: the last of the rows below flies in ours. Three things differ:
+An unguided rocket is turned by gravity and its fins, coasts for 97 seconds and burns again. The
+model is defined in `two-stage_package` of the check-cases; of the published trajectories only that
+of simulator 06 is available. With the model of the package, the rocket in jaxspace is 5 percent
+higher and its pitch 9 degrees greater at the end of the second burn. The published trajectory was
+therefore analysed to determine its model. The frame and gravity agree: the last rows below are
+computed with those of jaxspace. Three differences were found:
 
-1. **Reference area.** Its aerodynamic forces are those of the package times 1.00980, to nine
-   digits: the area is pi (1.5 m)^2, the section of the rocket, where the package says 7 m^2.
-2. **Inertia of the propellant.** While a stage burns, its moment contains minus half the rate of
-   the moment of inertia times the pitch rate. The package asks for no such term, and a body whose
-   propellant leaves at rest relative to it has none.
-3. **Start.** It starts with 0.1 m/s straight up, where the package says 0.1 ft/s along the axis.
+1. **Reference area.** The aerodynamic forces are those of the package times 1.00980, to nine
+   digits: the area is pi (1.5 m)^2, the cross-section of the rocket, instead of 7 m^2 as in the
+   package.
+2. **Inertia of the propellant.** While a stage burns, the moment contains minus half the rate of
+   change of the moment of inertia times the pitch rate. The package does not define such a term,
+   and a body whose propellant leaves at rest relative to it does not have it.
+3. **Initial velocity.** The initial velocity is 0.1 m/s vertically, instead of 0.1 ft/s along the
+   axis as in the package.
 
-With the three taken over, ours follows it to a thousandth of the altitude and two tenths of a
-degree. The case tells simulators apart by 97 seconds of free coast, in which three hundredths of a
-degree per second become degrees, and by a second burn that follows the pitch.
+With these three changes, jaxspace agrees with the published trajectory to within a thousandth of
+the altitude and two tenths of a degree. The case is sensitive because of the coast of 97 seconds,
+in which three hundredths of a degree per second become degrees, and because the direction of the
+second burn follows the pitch.
 """
 EXHAUST = 9.8066  # m/s^2, of the specific impulses of the package
 COAST = 96.79  # s

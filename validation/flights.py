@@ -12,26 +12,27 @@ from jaxspace.vehicles import sounding_flight
 
 from ._row import Row, compared
 
-ABOUT = """## Model rockets beside their flights
+ABOUT = """## Model rockets compared with measured flights
 
-Eleven rockets of students whose apogee was measured, from the examples of RocketPy, to which their
-teams gave them: `examples/model_rockets/measured.py` has their numbers and whose they are. Each is
-flown from its rail to its apogee with six degrees of freedom, all of them by one program. There are
-three rows for each: beside RocketPy with the same numbers, beside the simulation that RocketPy
-publishes, and beside the altimeter.
+The comparison includes eleven student rockets with a measured apogee, which their teams contributed
+to the examples of RocketPy: `examples/model_rockets/measured.py` contains their data and sources.
+Each is simulated from rail to apogee with six degrees of freedom, all with the same code. There are
+three rows for each: compared with RocketPy using the same data, with the simulation published by
+RocketPy, and with the altimeter.
 
-What a simulator misses here lies in the numbers and not in the equations: with the same numbers
-both agree to a thousandth, and both miss the altimeter by the same 0.4 to 9 percent. Without drag
-the apogee goes with the square of the speed at burnout, so that two percent of the impulse are up
-to four percent of the height. Thrust is that of the maker's test or of one burn on a stand; drag is
-a curve of another program from before the flight, for eight of them the same with the motor on and
-off; masses are what the teams say. Astra, Erebus and Lince fly 7 to 9 percent higher than such
-numbers give, Andromeda, Genesis and Prometheus 4 to 5 percent lower.
+The differences from the measurements are caused by the input data, not by the equations: with the
+same data both simulators agree to a thousandth, and both differ from the altimeter by the same 0.4
+to 9 percent. Without drag the apogee is proportional to the square of the burnout speed, so two
+percent of the impulse correspond to up to four percent of the altitude. The thrust is from the
+manufacturer's test or from a single static firing; the drag is a curve computed by another program
+before the flight, for eight of the rockets the same with the motor on and off; the masses were
+stated by the teams. Astra, Erebus and Lince flew 7 to 9 percent higher than predicted from these
+data, Andromeda, Genesis and Prometheus 4 to 5 percent lower.
 
-The published simulations differ where their air does: RocketPy has a wind for Juno III, and one of
-the same day a year later for Prometheus, of which none is at hand here. These two and Valetudo fly
-through calm standard air, all others through the air of the day. The page of Valetudo has thrust
-and drag that are not thinned.
+The published simulations differ if their atmosphere differs: RocketPy uses a wind for Juno III, and
+the wind of the same day one year later for Prometheus, which are not available here. These two and
+Valetudo are simulated in the calm standard atmosphere, all others in the atmosphere of the day. The
+RocketPy example of Valetudo uses thrust and drag data that are not thinned.
 """
 ROCKETS = Path(__file__).parents[1] / "examples" / "model_rockets"
 # Of `measured.APOGEES`: source, the share that is allowed, and why.

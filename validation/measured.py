@@ -9,8 +9,8 @@ from ._row import JUDGED, Row, compared
 
 ABOUT = """## Measured flights
 
-What instruments saw, and what was published of it. The examples
-`10_orbit_from_ranges_and_angles.py` and `12_drag_from_two_line_elements.py` contain the readings.
+Comparisons with published results from measurements. The examples
+`10_orbit_from_ranges_and_angles.py` and `12_drag_from_two_line_elements.py` contain the data.
 """
 EXAMPLES = Path(__file__).parents[1] / "examples"
 VALLADO = "Vallado, *Fundamentals of Astrodynamics*, example 10-4"

@@ -25,19 +25,18 @@ from ._row import Row
 ABOUT = """## NASA's check-cases of flight through air
 
 NASA/TM-2015-218675, *Check-Cases for Verification of 6-Degree-of-Freedom Flight Vehicle
-Simulations*: the courses of six simulators of NASA, as github.com/nasa/simupy-flight carries them
-(`NESC_data`, commit 70754e6). They are works of the US Government; the repository that carries them
-is under the NASA Open Source Agreement 1.3. `validation/reference/nesc` has every twentieth of
-their rows.
+Simulations*: the trajectories of six NASA simulators, from github.com/nasa/simupy-flight
+(`NESC_data`, commit 70754e6). They are works of the US Government; the repository is under the NASA
+Open Source Agreement 1.3. `validation/reference/nesc` contains every twentieth row.
 
-*Theirs* is the course of the nearest simulator, at the time where it is farthest from ours, and
-*allowed* the median distance between two of the simulators over the same thirty seconds. Gravity,
+*Reference* is the trajectory of the closest simulator, at the time of the largest difference, and
+*Allowed* the median difference between two of the simulators over the same thirty seconds. Gravity,
 atmosphere, rotation and drag are those of the library; the height above the ellipsoid and the
-damping of the brick come from an effect of twenty lines,
-`AirOverEllipsoid` of `validation/nesc.py`.
+damping of the brick are defined by a user-defined effect of twenty lines, `AirOverEllipsoid` in
+`validation/nesc.py`.
 
-Not flown are the cases 11 to 16: they need the model of an F-16 with its control laws, which is no
-part of this library. Case 17 has its own section.
+Cases 11 to 16 are not included: they require the model of an F-16 with its control laws, which is
+not part of this library. Case 17 has a separate section.
 """
 REFERENCE = Path(__file__).parent / "reference" / "nesc"
 FOOT, SLUG = 0.3048, 14.593902937206365

@@ -16,18 +16,19 @@ hide: [navigation, toc]
 
 # Validation
 
-`make validation` computes the numbers of this page and writes it, from sources that are not ours:
-check-cases, textbooks, published optima, and other programs run beside this one. {summary}
+`make validation` compares jaxspace with independent sources (check-cases, textbooks, published
+optima and other programs) and writes this page. {summary}
 
-Each row compares one quantity: ours, theirs, their difference, and the difference that the source
-allows, with its reason. For vectors and courses it shows the place where they differ most. A row
-that is not within its limit says **differs**, and why. {judged}
+Each row compares one quantity: the value of jaxspace, the reference value, their difference, and
+the difference that the source allows, with its reason. For vectors and time histories it shows the
+component or time with the largest difference. A row that is not within its limit is marked
+**differs**, with an explanation. {judged}
 
-Errors against exact values, which no program has published, are on the pages of [the hunt](hunt.md)
-and of the [hard cases](../reference/hard_cases.md); errors beside tolerances on that of [asked for
-and met](requested.md).
+Errors with respect to exact values are listed in [fuzz testing](hunt.md) and [edge
+cases](../reference/hard_cases.md), and final errors as a function of the tolerance in [requested
+vs. achieved accuracy](requested.md).
 """
-TABLE = """| What | Source | Quantity | Ours | Theirs | Difference | Allowed | |
+TABLE = """| Case | Source | Quantity | jaxspace | Reference | Difference | Allowed | |
 |---|---|---|--:|--:|--:|--:|---|"""
 
 
@@ -69,16 +70,17 @@ def _judged(rows: list[Row]) -> str:
     """What the rows prove whose limit no source gives."""
     judged = sum(row.why.startswith(JUDGED) for row in rows)
     return (
-        "Where a source prints digits, or several programs show how far apart they are, the limit "
-        f"follows from them. Of {judged} rows no source says it: their reason begins with *our "
-        "judgement*, for the limit was set with the difference in view. Of such a row read the "
-        "difference; that it agrees says no more than that we think it small."
+        "If a source states its digits, or several programs show how much they differ, the limit "
+        f"follows from them. For {judged} rows the source does not determine a limit: the reason "
+        "begins with *our judgement*, because the limit was chosen with knowledge of the "
+        "difference. The verdict of such a row only expresses that the difference is considered "
+        "small."
     )
 
 
 def _section(about: str, rows: list[Row]) -> str:
     lines = [about, "", TABLE, *map(_line, rows), ""]
-    lines.append("Allowed is\n")
+    lines.append("Allowed differences:\n")
     for why in dict.fromkeys(row.why for row in rows):
         names = dict.fromkeys(row.what for row in rows if row.why == why)
         lines.append(f"- {'; '.join(names)}: {why}.")

@@ -28,12 +28,13 @@ from jaxspace.solvers import DOP853, RKN1210, AdaptiveRegularised
 from . import page
 from ._row import JUDGED, Row, compared
 
-ABOUT = """## Beside other libraries
+ABOUT = """## Comparison with other libraries
 
-Run by this command on the same inputs, from their wheels: the first orbits and bodies of the
-benchmarks, where the speeds stand. Each takes its tightest tolerance. What is allowed is rounding
-as it grows along the motion, and no tolerance that was asked for. The field of degree and order 5
-is that of astrojax, as an effect, for this library has none.
+The other libraries are run on the same inputs, from their wheels: the first orbits and bodies of
+the benchmarks, which list the speeds. Each uses its tightest tolerance. The allowed difference is
+the growth of rounding errors along the motion and does not include a tolerance. The gravity field
+of degree and order 5 is that of astrojax, used as an effect, because this library does not include
+one.
 """
 FEW = 16
 GROWN = {

@@ -20,12 +20,13 @@ from ._row import JUDGED, Row, compared
 
 ABOUT = """## Operational programs
 
-Numbers that stand in the repositories of other programs, at the commits named: numbers alone, and
-no code. GMAT's (NASA, Apache License 2.0) and MONTE's (JPL) are quoted in the tests of nyx-space;
-Basilisk (ISC licence), Tudat (BSD licence) and Orekit (Apache License 2.0) have theirs in their
-own. JEOD's are under the NASA Open Source Agreement 1.3; its runs 2 and 10A are exo-atmospheric
-check-cases of NASA/TM-2015-218675 too. The others there need a field of tesseral harmonics, an
-ephemeris of moon and sun, the air of the Marshall centre, or courses that we have not copied.
+The reference values are from the repositories of other programs, at the stated commits; only values
+were copied, no code. Values of GMAT (NASA, Apache License 2.0) and MONTE (JPL) are quoted in the
+tests of nyx-space; those of Basilisk (ISC licence), Tudat (BSD licence) and Orekit (Apache License
+2.0) are from their own tests. JEOD is under the NASA Open Source Agreement 1.3; its runs 2 and 10A
+are also exo-atmospheric check-cases of NASA/TM-2015-218675. The other JEOD runs require tesseral
+harmonics, an ephemeris of the Moon and the Sun, the atmosphere model of the Marshall Space Flight
+Center, or trajectories that were not copied.
 """
 NYX = "nyx-space/nyx f31c037, `nyx-core/tests/"
 GMAT = f"GMAT, in {NYX}propagation/propagators.rs`"

@@ -4,15 +4,15 @@ from ._from_tests import OfTest
 from ._from_tests import rows as rows_of_tests
 from ._row import JUDGED, Row
 
-ABOUT = """## Model rockets beside RocketPy
+ABOUT = """## Model rockets compared with RocketPy
 
-Three rockets that RocketPy 1.13 ships, with its own tables, flown by both. `python
-benchmarks/_rocketpy.py` computes the numbers of RocketPy: as it is, and with the centre of mass on
-the right side of the nozzle. RocketPy 1.13 gives propellant and nozzle to its equations of motion
-as if they were ahead of the centre of dry mass (its issue 1186 reports a part of it). The first
-three of the six rockets in a row are held against the corrected flights; the other three, mirrored
-in the same way, against RocketPy as it is. The numbers of the rockets are under RocketPy's MIT
-licence.
+Three of the example rockets of RocketPy 1.13 are simulated with both libraries, with the same
+tables. `python benchmarks/_rocketpy.py` computes the values of RocketPy: as released, and with the
+centre of mass on the correct side of the nozzle. In the equations of motion of RocketPy 1.13,
+propellant and nozzle are ahead of the centre of dry mass (issue 1186 reports a part of this). The
+first three of the six rockets are compared with the corrected simulations; the other three,
+mirrored in the same way, with RocketPy as released. The data of the rockets are under RocketPy's
+MIT licence.
 """
 SOURCE = "RocketPy 1.13.0"
 MODELS = (

@@ -6,8 +6,8 @@ from ._row import JUDGED, Row
 
 ABOUT = """## Textbooks, tables and truth sets
 
-Numbers as printed, or the same example computed by others to more digits. They are facts of the
-publications named; the tests of this project compare with them every day.
+Values as printed, or from computations of the same example with more digits. They are facts from
+the cited publications, and are also compared in the tests of this project.
 """
 VALLADO = "Vallado, *Fundamentals of Astrodynamics*"
 CURTIS = "Curtis, *Orbital Mechanics*"

@@ -16,7 +16,7 @@ FLOOR = ("safe", "special", "elliptic", "vectors", "tables")
 
 # Patterns of names, by why there is nothing to search.
 LEFT_OUT: dict[str, list[str]] = {
-    "declares an interface, or holds inputs or results": """
+    "interfaces, and containers of inputs or results": """
         attitude.Abstract* attitude.CordState attitude.DriftState attitude.SwingState
         attitude.LibrationState bodies.Abstract* bodies.Load bodies.BodyState.*
         attitude.PendulumState gyros.GimbalState optimization.AbstractThrustAcceleration
@@ -33,7 +33,7 @@ LEFT_OUT: dict[str, list[str]] = {
         optimization.SteeringOptimum optimization.StopReason* optimization.StageNumbers
         optimization.StageDesign optimization.FlownStaging* optimization.Insertion*
     """.split(),
-    "returns a field, a component of the state, a constant or nothing": """
+    "functions that return a field, a component of the state, a constant or nothing": """
         bodies.*Body.constant_mass bodies.*Body.has_inertia bodies.*Body.least_mass
         bodies.*Body.loaded_mass bodies.RigidBody.inertia* bodies.RigidBody.centre*
         bodies.PrincipalInertia.matrix attitude.spin_rate orbits.*_node core.axis core.identity
@@ -48,7 +48,7 @@ LEFT_OUT: dict[str, list[str]] = {
         attitude.ShaftPendulum.state gyros.*.state vehicles.LaunchSite.east
         vehicles.LaunchSite.north
     """.split(),
-    "chooses, counts or checks, without an error to measure": """
+    "selections, counts and checks, which have no numerical error": """
         optimization.named_optimiser
         mechanics.AbstractLagrangian.cyclic mechanics.degrees_of_freedom
         attitude.libration_is_stable attitude.lies_flat attitude.Nutation.loops
@@ -56,7 +56,7 @@ LEFT_OUT: dict[str, list[str]] = {
         bodies.as_inertia orbits.steps_for orbits.transfer_status core.breaks_of core.within
         orbits.TransferStatus.sentence rotations.Quaternion.check_start gyros.BearingFriction.slips
     """.split(),
-    "calls one of the functions above and nothing else": """
+    "functions that only call one of the functions above": """
         core.over_norm
         attitude.DipoleField mechanics.AbstractLagrangian.projected rockets.GravityTurn.closed_form
         rockets.SteeredThrust.propellant_left vehicles.Rail.rail_exit
@@ -72,17 +72,17 @@ LEFT_OUT: dict[str, list[str]] = {
         attitude.Top.closed_form rockets.Thrust.net_thrust bodies.spring_speed
         vehicles.FinSet.roll_slope
     """.split(),
-    "gives integrators a form of the motion, whose steps they check": """
+    "forms of the motion for integrators, which check the steps": """
         attitude.Top.split orbits.PointGravity.regularised
     """.split(),
-    "reads a table in NumPy": """
+    "functions that read a table with NumPy": """
         rockets.ThrustProfile.of_table rockets.ThrustProfile.tabulated
         vehicles.read_aerodynamics vehicles.read_sounding vehicles.Sounding*
     """.split(),
-    "is half of a rule of differentiation, seen in the derivatives above": """
+    "parts of a differentiation rule, covered by the derivatives above": """
         core.times_slope
     """.split(),
-    "iterates to a tolerance, and is tested against the closed forms": """
+    "iterations to a tolerance, which are tested against closed forms": """
         optimization.minimise* optimization.optimise_* optimization.staging_with_losses
         optimization.number_of_stages optimization.SteeringNetwork* optimization.TangentLaw*
         optimization.least_rendezvous
@@ -90,12 +90,12 @@ LEFT_OUT: dict[str, list[str]] = {
         optimization.MaximumVelocitySteering.angle
         optimization.optimal_staging_by_gradient optimization.lbfgs
     """.split(),
-    "calls the function of the user": """
+    "functions that call a user-defined function": """
         mechanics.Lagrangian.* mechanics.InclineDisk.nonholonomic rockets.UserSteering.direction
         rotations.centrodes
         control.Feedback* control.ClosedLoop* control.Sensor.truth
     """.split(),
-    "puts parts together, whose formulas are above": """
+    "compositions of parts whose formulas are listed above": """
         vehicles.Vehicle.* vehicles.LaunchSite.environment vehicles.LaunchSite.air
         vehicles.sounding_flight vehicles.flight_phases vehicles.Recovery.trigger
         rockets.SteeredThrust.of_thrust
@@ -104,25 +104,25 @@ LEFT_OUT: dict[str, list[str]] = {
         control.with_command
         control.LandingTask* control.RendezvousTask* control.SlewTask*
     """.split(),
-    "computes in NumPy, for constants": """
+    "computations of constants with NumPy": """
         mechanics.FlexibleMissile.roots mechanics.beam_roots rockets.Motor.* rockets.read_motor
         rockets.Thrust.of_file rockets.SteeredThrust.of_file rockets.GimballedThrust.of_file
     """.split(),
-    "interpolates measured values, by a cubic that its tests hold to SciPy's": """
+    "cubic interpolation of measured values, which is tested against SciPy": """
         vehicles.AerodynamicTable* vehicles.TabulatedAerodynamics* vehicles.Measured*
     """.split(),
-    "is the force that decides a limit of validity, under the tests of that limit": """
+    "forces that determine a limit of validity, covered by the tests of that limit": """
         mechanics.BarOnString.tension mechanics.LandingLegs.ground_force
     """.split(),
-    "takes the eigenvalues of LAPACK": """
+    "functions that compute eigenvalues with LAPACK": """
         attitude.NutationDamper.eigenvalues
         mechanics.FlexibleMissile.coupled_frequencies_squared
     """.split(),
-    "draws random numbers": """
+    "random number generation": """
         gyros.gyro_noise control.StarTracker* control.Sensor.*
         vehicles.UncertainWind* vehicles.DrydenGusts*
     """.split(),
-    "steps in time with a memory, under `verify` and its own tests": """
+    "discrete-time systems with memory, covered by `verify` and separate tests": """
         control.* rockets.ThrottledEngine* rockets.servo_rate
         vehicles.AirBrake* vehicles.MovableFins*
     """.split(),
