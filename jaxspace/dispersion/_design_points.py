@@ -19,29 +19,76 @@ import numpy as np
 Slope = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """g, (starts,), and its derivatives, (starts, n), at z, (starts, n)."""
 
-STARTS, ROUNDS, ITERATIONS = 8, 8, 25
+STARTS, ITERATIONS = 8, 25
 # With so many starts for each of equal points few of them are missed, a share of e^-6.
 FOR_EACH = 6
 # Nearer points are the same one, about which runs must be drawn once only.
 SAME = 0.3
+# A limit that curves by a tenth of its distance is still that of its point.
+BEYOND = 0.9
 
 
-def design_points(slope: Slope, n: int, rng: np.random.Generator) -> np.ndarray:
+def design_points(slope: Slope, n: int, most: int, rng: np.random.Generator) -> np.ndarray:
     """The nearest violations along the derivatives, (points, n), from several starts for each of
-    them: the more there are, the more are missed. None where the search does not converge."""
+    them: the more there are, the more are missed. None where the search does not converge. It
+    makes about `most` evaluations at most."""
+    counted = _Counted(slope)
     found = np.zeros((0, n))
-    for number in range(ROUNDS):
+    starts = 0
+    while True:
         # Not at the origin, where magnitudes have no slope; each start has its opposite.
         away = rng.standard_normal((STARTS // 2, n))
         away *= 0.5 / np.linalg.norm(away, axis=1)[:, None]
-        for z in _nearest(slope, np.concatenate([away, -away])):
-            if np.all(np.linalg.norm(found - z, axis=1) > SAME):
-                found = np.concatenate([found, z[None]])
-        if (number + 1) * STARTS >= FOR_EACH * len(found):
+        found = _with_new(found, _nearest(counted, np.concatenate([away, -away])))
+        starts += STARTS
+        if starts >= FOR_EACH * len(found) or counted.made >= most:
+            return _near(found)
+
+
+def points_from(slope: Slope, points: np.ndarray, violations: np.ndarray, most: int) -> np.ndarray:
+    """The `points`, (points, n), and those to which the derivatives lead from the `violations`,
+    (runs, n), that no point explains. It makes about `most` evaluations at most."""
+    counted = _Counted(slope)
+    rest = violations
+    while counted.made < most:
+        rest = rest[~explained(points, rest)]
+        if len(rest) == 0:
             break
-    distance = np.linalg.norm(found, axis=1)
-    # What lies farther off by so much is rarer by a factor of a thousand or more.
-    return found[0.5 * distance**2 < 0.5 * distance.min(initial=np.inf) ** 2 + 7.0]
+        points = _with_new(points, _nearest(counted, rest[:STARTS]))
+        rest = rest[STARTS:]
+    return _near(points)
+
+
+def explained(points: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Which violations z, (runs, n), lie beyond the plane through a point, perpendicular to its
+    direction: the limit itself where the output is linear."""
+    return np.any(z @ points.T >= BEYOND * np.sum(points**2, axis=1), axis=1)
+
+
+class _Counted:
+    """A function of several places, and at how many it was evaluated."""
+
+    def __init__(self, slope: Slope):
+        self.slope = slope
+        self.made = 0
+
+    def __call__(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        self.made += len(z)
+        return self.slope(z)
+
+
+def _with_new(points: np.ndarray, more: np.ndarray) -> np.ndarray:
+    """The points, and those of the others that are not among them."""
+    for z in more:
+        if np.all(np.linalg.norm(points - z, axis=1) > SAME):
+            points = np.concatenate([points, z[None]])
+    return points
+
+
+def _near(points: np.ndarray) -> np.ndarray:
+    """The points that matter: what lies farther off is rarer by a factor of a thousand or more."""
+    distance = np.linalg.norm(points, axis=1)
+    return points[0.5 * distance**2 < 0.5 * distance.min(initial=np.inf) ** 2 + 7.0]
 
 
 def _nearest(slope: Slope, z: np.ndarray) -> np.ndarray:

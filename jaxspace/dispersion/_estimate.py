@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 # Fewer independent violations are few, and a share of this size that may be missing matters.
 FEW, DOUBTFUL = 4, 0.01
+# A larger share that may be missing is an estimate too rough for an interval.
+UNTRUSTED = 0.3
 
 
 class Estimate(NamedTuple):
@@ -23,6 +25,12 @@ class Estimate(NamedTuple):
     runs: int
 
     @property
+    def reliable(self) -> bool:
+        """Whether the searches agree well enough on the regions of violation for the interval to
+        hold the probability as often as it states."""
+        return self.unseen <= UNTRUSTED
+
+    @property
     def warning(self) -> str:
         """A message if the value is uncertain; empty otherwise."""
         if self.value == 0.0:
@@ -37,6 +45,8 @@ class Estimate(NamedTuple):
                 "One search for violations does not cover all violations found by another one: "
                 f"about {100.0 * self.unseen:.2g} % of the probability may be missing."
             )
+        if not self.reliable:
+            sentences.append("The interval is not reliable.")
         if sentences:
             sentences.append("Use more runs.")
         return " ".join(sentences)

@@ -8,16 +8,20 @@
     phi, q  density of independent standard normal numbers, and that  1
             of the draws (`_mixture.py`)
 
-The density follows the design points, to which derivatives lead, and violations that two
-independent subset simulations find without derivatives: short ones where the design points explain
-what these find, longer ones where not. A first part of the draws reveals deficiencies of the
-density, and improves that of the second part. Each part is weighted with the density from which it
-was drawn, and both estimates by the variances that the violations of the simulations predict, so
-that they remain unbiased.
+The density follows the design points, to which derivatives lead from the origin and from violations
+found without derivatives, and these violations. A search among widely scattered numbers finds
+separate regions of violation (`_wide_search.py`). Two independent subset simulations find
+violations with their true shares: short ones where the design points explain these violations,
+longer ones where not. A first part of the draws reveals deficiencies of the density, and improves
+that of the second part. Each part is weighted with the density from which it was drawn, and both
+estimates by the variances that the violations of the simulations predict, so that they remain
+unbiased.
 
 The density from one simulation should cover the violations found by the other one. Violations that
 neither density covers would be missed by both with the product of the probabilities, which widens
-the interval (capture and recapture). Source: Melchers, Structural Reliability, 2nd edition, 3.4.
+the interval (capture and recapture). A violation is covered if its weight is not many times the
+probability, which is the weight of all violations under the best density.
+Source: Melchers, Structural Reliability, 2nd edition, 3.4.
 """
 
 import math
@@ -26,21 +30,26 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ._design_points import Slope, design_points, explained, points_from
 from ._estimate import Estimate
 from ._mixture import Mixture, mixture
 from ._subset import Margin, explore
+from ._wide_search import pulled_in, search_widely
 
 Likelihood = Callable[[np.ndarray], np.ndarray]
 """The factor by which the search draws runs too seldom, (runs,), from z, (runs, n)."""
 
-# Runs in a level of a short and of a long simulation, as shares of all; and the least.
+# Runs in a level of a short and of a long simulation, and violations of the wide search, as shares
+# of all runs; and the least.
 SHORT, LONG, LEAST = 1 / 70, 1 / 30, 100
+WIDELY, LEAST_WIDELY = 1 / 100, 50
+# Evaluations with derivatives for each of the searches for design points, as a share of all runs.
+WITH_DERIVATIVES = 1 / 15
 # About one design point of a smooth limit the weights of violations are uniform from zero on: twice
 # the median at most. Below so many times the median the points explain all violations found.
 EXPLAINED = 6.0
-CHEAP = 1 / 5
-# A weight that is so many times the usual one belongs to a place that is not covered.
-UNCOVERED = 4.0
+# A weight that is so many times the probability belongs to a place that is not covered.
+UNCOVERED = 40.0
 FIRST_PART = 1 / 3
 
 
@@ -52,19 +61,34 @@ class Violations(NamedTuple):
     share: np.ndarray
 
 
+class Searched(NamedTuple):
+    """What the searches have found.
+
+    - `points`: design points, (points, n).
+    - `apart`: violations of the wide search that no point explains, (runs, n).
+    - `found`: violations of the subset simulations.
+    - `made`: number of runs, without those with derivatives."""
+
+    points: np.ndarray
+    apart: np.ndarray
+    found: Violations
+    made: int
+
+
 def importance(
     margin: Margin,
     likelihood: Likelihood,
-    points: np.ndarray,
+    slope: Slope | None,
+    n: int,
     runs: int,
     rng: np.random.Generator,
-) -> Estimate | None:
-    """The probability of a violation, from about so many `runs`; `None` where no violation is found
-    and there are no design `points`, (points, n)."""
-    found, made = _violations(margin, likelihood, points, runs, rng)
-    if len(found.z) == len(points) == 0:
-        return None
-    first = mixture(points, found.z, found.first, found.share, rng)
+) -> tuple[np.ndarray, Estimate | None]:
+    """The design points, (points, n), and the probability of a violation, from about so many
+    `runs`; `None` where no violation is found. `slope` is `None` where there are no derivatives."""
+    points, apart, found, made = _search(margin, likelihood, slope, n, runs, rng)
+    if len(found.z) == len(points) == len(apart) == 0:
+        return points, None
+    first = mixture(points, found.z, found.first, found.share, rng, apart)
     # However many runs the search took, the draws decide.
     left = max(runs - made, runs // 4, 4)
     counts = [max(int(FIRST_PART * left), 2)]
@@ -73,7 +97,7 @@ def importance(
     hit = weights > 0.0
     seen = Violations(z[hit], np.arange(np.count_nonzero(hit)) % 2 == 0, weights[hit])
     both = _joined(found, seen)
-    second = mixture(points, both.z, both.first, both.share, rng)
+    second = mixture(points, both.z, both.first, both.share, rng, apart)
     parts = [weights, _drawn(margin, likelihood, second, counts[1], rng)[1]]
     # What the violations of the search, which no draw decided, weigh in both densities.
     factor = likelihood(found.z) if len(found.z) else np.zeros(0)
@@ -90,42 +114,53 @@ def importance(
     scaled = [
         a / k * np.append(w, e) for a, k, w, e in zip(shares, counts, parts, expected, strict=True)
     ]
-    return Estimate(
+    return points, Estimate(
         value,
         math.sqrt(square) / value if value > 0.0 else math.inf,
         max(float(w.max()) for w in scaled),
-        _unseen(points, found, factor, rng),
+        _unseen(points, apart, found, factor, value, rng),
         made + left,
     )
 
 
-def _violations(
+def _search(
     margin: Margin,
     likelihood: Likelihood,
-    points: np.ndarray,
+    slope: Slope | None,
+    n: int,
     runs: int,
     rng: np.random.Generator,
-) -> tuple[Violations, int]:
-    """Violations that are found without derivatives, and how many runs that took."""
-    n = points.shape[1]
-    result = Violations(np.zeros((0, n)), np.zeros(0, bool), np.zeros(0))
-    made = 0
-    for part, most in ((SHORT, runs // 6), (LONG, runs // 3)):
-        groups, spent = explore(margin, max(LEAST, int(part * runs)), n, most, rng)
+) -> Searched:
+    """Look for violations along the derivatives and without them."""
+    most = max(int(WITH_DERIVATIVES * runs), 1)
+    points = np.zeros((0, n))
+    if slope is not None:
+        points = design_points(slope, n, most, rng)
+    wide, made = search_widely(margin, max(LEAST_WIDELY, int(WIDELY * runs)), n, rng)
+    if slope is not None:
+        points = points_from(slope, points, wide, most)
+    apart, more = pulled_in(margin, wide[~explained(points, wide)])
+    made += more
+    found = Violations(np.zeros((0, n)), np.zeros(0, bool), np.zeros(0))
+    # Without a point a short simulation explains nothing.
+    parts = ((SHORT, runs // 6), (LONG, runs // 3)) if len(points) else ((LONG, runs // 3),)
+    for part, share in parts:
+        groups, spent = explore(margin, max(LEAST, int(part * runs)), n, share, rng)
         made += spent
         z = np.concatenate(groups)
         if len(z) == 0:
             continue
         factor = likelihood(z)
-        found = Violations(z, np.arange(len(z)) < len(groups[0]), factor)
-        result = _joined(result, found)
+        some = Violations(z, np.arange(len(z)) < len(groups[0]), factor)
+        found = _joined(found, some)
+        if slope is not None:
+            points = points_from(slope, points, z, most)
         if len(points):
-            density = mixture(points, z[:0], found.first[:0], factor[:0], rng)
+            density = mixture(points, z[:0], some.first[:0], factor[:0], rng)
             weights = factor * density.weights(z)
-            # A short search that cost little may have missed some, too.
-            if made > CHEAP * runs and np.max(weights) < EXPLAINED * np.median(weights):
+            if np.max(weights) < EXPLAINED * np.median(weights):
                 break
-    return result, made
+    return Searched(points, apart, found, made)
 
 
 def _joined(a: Violations, b: Violations) -> Violations:
@@ -155,7 +190,12 @@ def _drawn(
 
 
 def _unseen(
-    points: np.ndarray, found: Violations, factor: np.ndarray, rng: np.random.Generator
+    points: np.ndarray,
+    apart: np.ndarray,
+    found: Violations,
+    factor: np.ndarray,
+    value: float,
+    rng: np.random.Generator,
 ) -> float:
     """Estimated share of the violations that are not covered, from those of one group that the
     density of the other one does not cover."""
@@ -168,8 +208,8 @@ def _unseen(
         if one.all() or not (len(points) or one.any()):
             missed.append(1.0)
             continue
-        density = mixture(points, some, np.arange(len(some)) % 2 == 0, share, rng)
+        density = mixture(points, some, np.arange(len(some)) % 2 == 0, share, rng, apart)
         weights = factor[~one] * density.weights(found.z[~one])
-        far = weights > UNCOVERED * np.median(weights)
+        far = weights > UNCOVERED * value
         missed.append(float(found.share[~one] @ far / found.share[~one].sum()))
     return min(missed[0] * missed[1], 0.9)

@@ -25,6 +25,8 @@ DEFENSIVE, ALONG_DERIVATIVES = 0.05, 0.5
 # Shares, of the draws that follow violations, of the term with S and of all the others about them
 # at least.
 WIDE, EVEN = 0.2, 0.2
+# Share of the draws about violations whose distribution is not known.
+APART = 0.25
 # Violations of each group about which draws are made.
 KERNELS = 100
 # Rounds of the iteration for the shares.
@@ -81,6 +83,7 @@ def mixture(
     group: np.ndarray,
     likelihood: np.ndarray,
     rng: np.random.Generator,
+    apart: np.ndarray | None = None,
 ) -> Mixture:
     """The density of the draws.
 
@@ -88,7 +91,27 @@ def mixture(
 
     - `points`: the design points, (points, n), about which half of the draws are made.
     - `z`: violations, (runs, n), distributed as all violations but for the factor `likelihood`,
-      (runs,), in two independent groups, given by `group`, (runs,)."""
+      (runs,), in two independent groups, given by `group`, (runs,).
+    - `apart`: further violations, (runs, n), whose distribution is not known."""
+    density = _followed(points, z, group, likelihood, rng)
+    if apart is None or len(apart) == 0:
+        return density
+    # Where nothing else was found, they are all that is known.
+    part = APART if len(points) + len(z) else 1.0 - DEFENSIVE
+    even = np.full(len(apart), part / len(apart))
+    shares = np.append((1.0 - part) * density.shares, even)
+    centres = np.concatenate([density.centres, apart])
+    return density._replace(centres=centres, shares=shares, share=(1.0 - part) * density.share)
+
+
+def _followed(
+    points: np.ndarray,
+    z: np.ndarray,
+    group: np.ndarray,
+    likelihood: np.ndarray,
+    rng: np.random.Generator,
+) -> Mixture:
+    """The density of the draws that follow design points, and violations of known distribution."""
     n = points.shape[1]
     rest, half = 1.0 - DEFENSIVE, ALONG_DERIVATIVES if len(points) else 0.0
     squares = np.sum(points**2, axis=1)
@@ -97,6 +120,8 @@ def mixture(
     centres, shares = [np.zeros((1, n)), points], [np.array([DEFENSIVE])]
     if len(z) == 0:
         everything = np.concatenate(centres), np.append(shares[0], rest * along / along.sum())
+        if len(points) == 0:
+            everything = centres[0], np.ones(1)
         return Mixture(*everything, np.zeros(n), np.zeros((n, 0)), np.zeros(0), 0.0)
     # Of many design points the scatter tells, too.
     among = half * along / along.sum() if len(points) else along

@@ -1,8 +1,8 @@
 """Probabilities too small for a plain Monte Carlo campaign: one violation in a million runs.
 
     method         file              finds violations by           density of the runs
-    "importance"   `_importance.py`  derivatives and a short       mixture about violations
-                                     subset simulation
+    "importance"   `_importance.py`  derivatives, a wide search    mixture about violations
+                                     and subset simulations
     "subset"       `_subset.py`      levels of one tenth each      chains within each level
 
 Both search in the space of the standard normal variables behind the inputs, and among the values of
@@ -30,7 +30,6 @@ from ..integration.accuracy import Accuracy
 from ..sampling.designs import map_normals, normal_columns, search_normals
 from ..statistics.limits import clopper_pearson
 from ._campaign import Campaign, in_order
-from ._design_points import design_points
 from ._importance import importance
 from ._subset import subset
 from ._whole import check_whole
@@ -48,12 +47,15 @@ class RareEvent(NamedTuple):
     - `value`, from `low` to `high` with 95 % confidence: an interval for few weighted violations,
       which is above zero where none was found.
     - `variation`: standard error over the value.
-    - `runs`: all runs made; `failed`: those that failed, which count as violations.
+    - `runs`: all runs made, with or without derivatives; `failed`: those that failed, which count
+      as violations.
     - `points`: the design points, (points, dimensions); their distances from zero are the
       reliability indices. None for subset simulation.
     - `method`: the method used: the requested one, or "monte_carlo" where the event is not rare.
     - `warning`: a message if the value is based on few violations, or regions may have been missed
-      by the search, which the interval accounts for; empty otherwise."""
+      by the search, which the interval accounts for; empty otherwise.
+    - `reliable`: False if independent searches found violations in different regions, so that the
+      interval may miss the probability in more than 5 % of cases."""
 
     value: float
     low: float
@@ -64,6 +66,7 @@ class RareEvent(NamedTuple):
     points: np.ndarray
     method: str
     warning: str = ""
+    reliable: bool = True
 
 
 def rare_event(
@@ -120,26 +123,36 @@ def rare_event(
         if method == "subset":
             found = subset(margins, margins.likelihood, n, runs, rng)
         else:
-            points = design_points(margins.slopes, n, rng)
-            found = importance(margins, margins.likelihood, points, runs - margins.runs, rng)
+            left = runs - margins.runs
+            points, found = importance(margins, margins.likelihood, margins.slopes, n, left, rng)
         if found is None and not margins.inverted:
             raise InputError(
                 f"No violation was found in {margins.runs} runs, neither along the derivatives nor "
-                "with subset simulation: check that the limit can be reached."
+                "without them: check that the limit can be reached."
             )
     if found is None:
         low, value, high = margins.plain(runs, rng)
         variation = float(np.sqrt((1.0 - value) / (value * runs))) if value > 0.0 else np.inf
         how = MONTE_CARLO
-        warning = ""
+        warning, reliable = "", True
     else:
-        value, variation, how, warning = found.value, found.variation, method, found.warning
+        value, variation, how = found.value, found.variation, method
+        warning, reliable = found.warning, found.reliable
         low, high = found.interval()
         if margins.inverted:
             variation *= value / (1.0 - value)
             low, value, high = 1.0 - high, 1.0 - value, 1.0 - low
     return RareEvent(
-        value, low, high, variation, margins.runs, margins.failed, points, how, warning
+        value,
+        low,
+        high,
+        variation,
+        margins.runs,
+        margins.failed,
+        points,
+        how,
+        warning,
+        reliable,
     )
 
 
@@ -168,6 +181,7 @@ class _Margins:
 
     def slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """g, (starts,), and its derivatives, (starts, n), at z, (starts, n)."""
+        self.runs += len(z)
         y, dy = _values_and_slopes(self.campaign, self.accuracy, jnp.asarray(z), self.output)
         sign = -self.sign if self.inverted else self.sign
         return sign * (np.asarray(y, float) - self.limit), sign * np.asarray(dy, float).T

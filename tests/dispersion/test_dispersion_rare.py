@@ -7,12 +7,12 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.stats import beta, chi2, norm
 
 from jaxspace.core import AbstractClosedForm, AbstractSystem, InputError, Scalar
 from jaxspace.dispersion import Campaign, Discrete, Normal, Samples, Uniform
-from jaxspace.dispersion._design_points import design_points
 from jaxspace.dispersion._estimate import Estimate
 from jaxspace.dispersion._importance import importance
 from jaxspace.dispersion._subset import subset
@@ -52,6 +52,30 @@ def cube(n, p):
     return lambda z: r - np.abs(z).max(axis=1), one, slope, n, p
 
 
+def branches():
+    """Four limits about the origin, of which derivatives from there lead to the nearer two."""
+
+    def parts(z):
+        a, b = z.T
+        along, across = (a + b) / np.sqrt(2.0), a - b
+        near = 3.0 + 0.1 * across**2
+        far = 7.0 / np.sqrt(2.0)
+        return np.stack([near - along, near + along, far - across, far + across])
+
+    def slope(z):
+        g = parts(z)
+        across = 0.2 * (z[:, 0] - z[:, 1])
+        unit, half = np.ones(len(z)), np.full(len(z), np.sqrt(0.5))
+        da = np.stack([across - half, across + half, -unit, unit])
+        db = np.stack([-across - half, -across + half, unit, -unit])
+        place = np.argmin(g, axis=0), np.arange(len(z))
+        return g[place], np.stack([da[place], db[place]], axis=1)
+
+    # Over v = (a - b)/sqrt(2), beyond 3.5 of which everything violates.
+    inside = quad(lambda v: 2.0 * norm.pdf(v) * norm.sf(3.0 + 0.2 * v * v), -3.5, 3.5)[0]
+    return lambda z: parts(z).min(axis=0), one, slope, 2, inside + 2.0 * norm.sf(3.5)
+
+
 def measured(p):
     """Eleven inputs, one of which has 52 % of the variance, from 60 measured values."""
     values = np.sort(np.random.default_rng(0).standard_normal(60))
@@ -86,6 +110,8 @@ PROBLEMS = {
     "two numbers": ball(2, 1e-6),
     "three numbers": ball(3, 1e-5),
     "ten points": cube(5, 1e-5),
+    "twenty points": cube(10, 1e-5),
+    "four branches": branches(),
     "measured": measured(9.5e-6),
     "steps": steps(1e-5),
 }
@@ -107,10 +133,8 @@ def test_intervals_hold_the_truth(method, name):
         if method == "subset":
             found = subset(margin, likelihood, n, 4000, rng)
         else:
-            points = np.zeros((0, n))
-            if slope is not None and method == "importance":
-                points = design_points(slope, n, rng)
-            found = importance(margin, likelihood, points, 8000, rng)
+            used = slope if method == "importance" else None
+            found = importance(margin, likelihood, used, n, 8000, rng)[1]
         assert found is not None and found.runs < 12000
         low, high = found.interval()
         held += low <= truth <= high
@@ -119,6 +143,34 @@ def test_intervals_hold_the_truth(method, name):
     # The values scatter by a tenth, of subset simulation by a half: their median by less than a
     # quarter of that.
     assert abs(np.median(values) / truth - 1.0) < (0.4 if method == "subset" else 0.2)
+
+
+@pytest.mark.parametrize("name", ["twenty points", "four branches"])
+def test_design_points_apart_are_found(name):
+    """All of 20 equal points; the farther of the branches, from violations of the wide search."""
+    margin, likelihood, slope, n, _ = PROBLEMS[name]
+    expected = {"twenty points": 20, "four branches": 4}[name]
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        points, _ = importance(margin, likelihood, slope, n, 8000, rng)
+        assert len(points) == expected
+
+
+def test_an_interval_that_is_not_to_be_trusted_says_so():
+    """Of 100 directions no search without derivatives finds the one that matters."""
+    limit, truth = norm.isf(1e-4), 1e-4
+
+    def margin(z):
+        return limit - z.sum(axis=1) / 10.0
+
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        found = importance(margin, one, None, 100, 5000, rng)[1]
+        assert found is not None
+        low, high = found.interval()
+        assert low <= truth <= high or not found.reliable
+        assert found.reliable == ("The interval is not reliable" not in found.warning)
+    assert not found.reliable
 
 
 class Point(eqx.Module):
