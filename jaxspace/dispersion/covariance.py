@@ -190,12 +190,15 @@ def _expanded(campaign: Campaign, accuracy: Accuracy, method: str) -> Moments:
     jax.block_until_ready(differentiate())
     seconds = time.perf_counter() - started
     names = tuple(in_order(campaign, values))
-    p = covariance / np.outer(scale, scale)
+    # By a root of the covariance: a sum of squares is not negative.
+    sizes, axes = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root = axes * np.sqrt(np.maximum(sizes, 0.0))
     j = np.stack([np.asarray(first[name]) for name in names])
     mean = np.array([float(values[name]) for name in names])
-    c = j @ p @ j.T
+    along = j @ root
+    c = along @ along.T
     if second:
-        h = np.stack([np.asarray(hessian[name]) for name in names]) @ p
+        h = root.T @ np.stack([np.asarray(hessian[name]) for name in names]) @ root
         mean = mean + 0.5 * np.trace(h, axis1=1, axis2=2)
         c = c + 0.5 * np.einsum("kij,lji->kl", h, h)
         kinks = [k for k, name in enumerate(names) if _has_kink(hessian[name], beside[name])]

@@ -218,6 +218,31 @@ def test_moments_of_inputs_that_are_cut_or_correlated():
         assert moments(together, method).std("x") ** 2 == pytest.approx(expected, rel=1e-12)
 
 
+def test_outputs_across_all_of_the_inputs():
+    """Three inputs of two independent numbers each: across both directions the variance is zero,
+    and by no method negative."""
+    factors = np.random.default_rng(1).normal(size=(12, 3, 2))
+    normals = np.cross(factors[:, :, 0], factors[:, :, 1])
+    inputs = {}
+    for i, a in enumerate(factors):
+        joint = MultivariateNormal(np.zeros(3), a @ a.T)
+        inputs |= joint.inputs(*(f"{name}{i}" for name in "abc"))
+
+    def at_rest(samples):
+        return build({"x0": 0.0 * samples["a0"], "v0": 0.0 * samples["a0"]})
+
+    def combined(result, samples):
+        return {
+            f"d{i}": sum(x * samples[f"{c}{i}"] for x, c in zip(normal, "abc", strict=True))
+            for i, normal in enumerate(normals)
+        }
+
+    for method in ("lincov", "unscented"):
+        found = moments(Campaign(at_rest, inputs, combined), method, check=0)
+        variances = np.diag(found.covariance)
+        assert np.all(variances >= 0.0) and np.all(variances < 1e-13)
+
+
 def test_methods_beside_monte_carlo():
     """4000 runs know a mean to 1/sqrt(4000) = 0.016 deviations, and a deviation to 0.011; both five
     times. A magnitude about zero is where the linear method fails, and the table shows it."""
