@@ -81,10 +81,7 @@ def transverse(steps: np.ndarray, z: Float[Array, "nodes 2 *runs"]) -> Float[Arr
     - `steps`: known distances between the nodes over the correlation length, (steps,).
     - `z`: two standard normal numbers for each node."""
     keep = np.exp(-steps)[:, None, None] * (np.eye(2) + steps[:, None, None] * [[0, 0], [1, 0]])
-    # In double precision, because the covariance of a small step is a small difference.
-    covariance = STATIONARY - keep @ STATIONARY @ np.swapaxes(keep, 1, 2)
-    # Of what two states lose together over a step.
-    fresh = np.linalg.cholesky(covariance)
+    fresh = _fresh(steps)
     start = np.linalg.cholesky(STATIONARY)
 
     def step(w: Array, given: tuple[Array, Array, Array]) -> tuple[Array, Array]:
@@ -97,3 +94,19 @@ def transverse(steps: np.ndarray, z: Float[Array, "nodes 2 *runs"]) -> Float[Arr
     rest = lax.scan(step, first, (*known, z[1:]))[1]
     w = jnp.concatenate([first[None], rest])
     return TAKEN[0].item() * w[:, 0] + TAKEN[1].item() * w[:, 1]
+
+
+def _fresh(steps: np.ndarray) -> np.ndarray:
+    """Lower roots, (steps, 2, 2), of the covariance that the noise adds to w over each step.
+
+    Its elements are int_0^s u^k exp(-2 u) du, k = 0, 1, 2: as the stationary covariance less what
+    is left of it, those of a small step would be rounding."""
+    from scipy.special import gammainc
+
+    first = -0.5 * np.expm1(-2.0 * steps)
+    mixed, second = 0.25 * gammainc(2, 2.0 * steps), 0.25 * gammainc(3, 2.0 * steps)
+    # Two nodes at one place add nothing.
+    slope = mixed / np.where(first > 0.0, first, 1.0)
+    root = np.sqrt(first)
+    rest = np.sqrt(second - slope * mixed)
+    return np.stack([np.stack([root, 0.0 * root], -1), np.stack([slope * root, rest], -1)], -2)

@@ -27,7 +27,7 @@ from jaxspace.vehicles._dryden_gusts import (
     dryden_intensities,
     dryden_lengths,
 )
-from jaxspace.vehicles._random_paths import longitudinal, transverse
+from jaxspace.vehicles._random_paths import _fresh, longitudinal, transverse
 from jaxspace.vehicles.ground_gravity import GroundGravity
 from jaxspace.vehicles.local_air import LocalAir
 from jaxspace.vehicles.sounding import read_sounding
@@ -410,6 +410,20 @@ def along(s):
 
 def across(s):
     return (1.0 - 0.5 * s) * np.exp(-s)
+
+
+def test_nodes_that_are_close_together():
+    """The difference of two neighbours has the variance 2 (1 - R), about 3 s: to a distance of
+    1e-12 correlation lengths, and at one place."""
+    for s in (1e-3, 1e-6, 1e-8, 1e-12, 0.0):
+        steps = np.array([0.3, s])
+        factor = jax.jacfwd(lambda z, steps=steps: transverse(steps, z))(jnp.zeros((3, 2)))
+        change = (factor[2] - factor[1]).ravel()
+        # 1 - (1 - s/2) exp(-s), without the difference.
+        expected = 2.0 * (0.5 * s * np.exp(-s) - np.expm1(-s))
+        np.testing.assert_allclose(change @ change, expected, rtol=1e-6)
+    # The part of a step that is independent of the other: s^3/12 of w_2.
+    np.testing.assert_allclose(_fresh(np.array([1e-7]))[0, 1, 1] ** 2, 1e-21 / 12.0, rtol=1e-6)
 
 
 def test_the_filters_are_exact_at_uneven_nodes_and_have_the_spectra_of_the_standard():
