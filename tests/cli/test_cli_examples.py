@@ -30,7 +30,7 @@ def test_a_copy_is_the_scene_and_needs_nothing_beside_it(tmp_path, monkeypatch, 
     assert "next   jaxspace disperse kick_stage.toml\n" in capsys.readouterr().out
     assert Path("kick_stage.toml").read_text() == (scenes() / "kick_stage.toml").read_text()
     assert main(["new", "top", "mine.toml"]) == 0
-    assert jaxspace.load("mine.toml").title == "A heavy top"
+    assert jaxspace.load("mine.toml").title == "Heavy top"
     # What a scene names is copied with it.
     assert main(["new", "landing"]) == 0
     assert "file   cesaroni_m1670.eng" in capsys.readouterr().out
