@@ -1,5 +1,5 @@
-"""A satellite on a long ellipse: simulate it, ask how far the answer can be trusted, and
-differentiate it by a burn."""
+"""A satellite on an eccentric orbit: simulation, error estimates, and the derivative with respect
+to a burn."""
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ from jaxspace.solvers import DOP853
 
 jaxspace.enable_x64()
 
-# A system is its physical parameters. The state has named parts.
+# The fields of a system are its physical parameters. The state has named parts.
 earth = TwoBody(MU_EARTH)
 elements = ClassicalElements.from_periapsis(
     RADIUS_EARTH + 500e3, eccentricity=0.7, inclination=jnp.radians(63.4)
@@ -22,15 +22,15 @@ y0 = BodyState(*state_from_elements(elements, MU_EARTH))
 period = 2.0 * jnp.pi * jnp.sqrt((elements.semi_latus_rectum / (1.0 - 0.7**2)) ** 3 / MU_EARTH)
 ts = jnp.linspace(0.0, 5.0 * period, 101)
 
-# Two-body motion has a closed form, and `simulate` takes it: nothing is integrated.
+# Two-body motion has a closed form, which `simulate` evaluates.
 exact = simulate(earth, y0, ts)
 closing = jnp.linalg.norm(exact.final.position - y0.position)
 print(f"closed form: after five revolutions the orbit closes to {closing:.1e} m")
 assert closing < 1e-5
 
-# Naming a method asks for an integration. The closed form then says what its accuracy costs, and
-# the trajectory estimates its own error without it: by the drift of what the exact motion keeps,
-# and by a repetition at a tighter tolerance.
+# Specifying a method requests an integration. The closed form then provides the true error,
+# which the trajectory estimates independently: from the drift of conserved quantities, and from
+# a repetition with a tighter tolerance.
 print("\n      rtol  evaluations   true error  its estimate  energy drift")
 for rtol in (1e-6, 1e-8, 1e-10, 1e-12):
     run = simulate(earth, y0, ts, accuracy=Accuracy(rtol=rtol, method=DOP853()))
@@ -43,7 +43,7 @@ for rtol in (1e-6, 1e-8, 1e-10, 1e-12):
     )
 assert error < 0.1 and 0.2 < estimate / error < 5.0
 
-# A burn at periapsis, a coast of two hours, and the apogee of what results. Its derivative passes
+# A burn at periapsis, a coast of two hours, and the resulting apogee. Its derivative passes
 # through the whole run.
 forwards = y0.velocity / jnp.linalg.norm(y0.velocity)
 

@@ -1,5 +1,5 @@
-"""A heavy top: Euler's angles in, precession and nutation out, and an axis that passes the vertical
-safely."""
+"""A heavy top: Euler angles as input, precession and nutation as output, and an axis that passes
+close to the vertical."""
 
 import jax.numpy as jnp
 
@@ -10,16 +10,16 @@ from jaxspace.attitude.outputs import continuous_precession
 
 jaxspace.enable_x64()
 
-# Moments of inertia about the tip, across and along the axis, kg m^2, and weight times height of
-# the mass centre, N m.
+# Transverse and axial moment of inertia about the tip, kg m^2, and weight times height of the
+# centre of mass, N m.
 top = Top(transverse_inertia=1.0e-3, axial_inertia=6.0e-4, weight_moment=0.08)
 tilt, spin = jnp.radians(30.0), 60.0
 print(
     f"the least spin that stands upright: {top.least_spin(0.0):.1f} rad/s; this top has {spin:.0f}"
 )
 
-# Let go at rest. The closed form of the nutation says how far the top will fall, how long that
-# takes, and how far it precesses meanwhile; the integration agrees.
+# Released at rest. The closed form of the nutation gives the turning point, the period and the
+# precession per period; the integration agrees.
 y0 = top.state(angles=[0.0, tilt, 0.0], rates=[0.0, 0.0, spin])
 nutation = top.nutation(y0)
 highest, lowest = nutation.turning_points
@@ -42,7 +42,7 @@ print(
     {name: f"{jnp.max(values):.0e}" for name, values in run.drift().items()},
 )
 
-# Start with the rate of steady precession, and there is no nutation at all.
+# With the initial rate of steady precession there is no nutation.
 ts = jnp.linspace(0.0, 10.0, 201)
 slow, fast = top.steady_precession_rates(tilt, spin)
 print(
@@ -61,9 +61,9 @@ for rate in (slow, fast):
     print(f"at {rate:8.4f} rad/s the tilt stays within {wobble:.0e} rad")
     assert wobble < 1e-7
 
-# With h_Z = C n, but for one part in a million, the axis climbs almost to the vertical. There
-# Euler's angles race and the equations written in them break down; here the quaternion is
-# integrated, and the angles are read out of it.
+# With h_Z = C n to within one part in a million, the axis rises almost to the vertical, where
+# the rates of the Euler angles diverge. The quaternion is integrated instead, and the angles
+# are computed from it.
 C_n, A = 6.0e-4 * 35.0, 1.0e-3
 precession = C_n * (1.0 - 1e-6 - jnp.cos(tilt)) / (A * jnp.sin(tilt) ** 2)
 y0 = top.state([0.0, tilt, 0.0], [precession, 0.0, 35.0 - precession * jnp.cos(tilt)])

@@ -1,5 +1,5 @@
-"""A scene: gravity, the earth's oblateness and an air drag of your own; what each costs, and what
-each does."""
+"""A scene with gravity, the Earth's oblateness and a user-defined drag: the cost and the influence
+of each effect."""
 
 from typing import final
 
@@ -40,8 +40,8 @@ effects = {
 }
 scene = Scene(list(effects.values()))
 
-# The state holds what the effects ask for and no more: no mass, no attitude. The table counts
-# compiled arithmetic.
+# The state contains only the parts that the effects need, without mass and attitude. The table
+# lists the compiled operations.
 print(scene.explain())
 
 inclination = jnp.radians(51.6)
@@ -60,8 +60,8 @@ def node(run):
     return jnp.unwrap(elements.node)
 
 
-# Oblateness turns the plane of the orbit backwards: the slope of the node against the closed form
-# of first order in J2.
+# Oblateness makes the node regress: the rate of the node compared with the closed form of first
+# order in J2.
 run = simulate(scene, y0, ts, accuracy=1e-10)
 simulated = jnp.polyfit(ts, node(run), 1)[0]
 predicted = -node_regression_rate(a, 0.001, inclination, MU_EARTH, J2_EARTH, RADIUS_EARTH)
@@ -71,7 +71,7 @@ print(
 )
 assert abs(simulated / predicted - 1.0) < 0.01
 
-# Leave one effect out, and see what it did to the answer. What is absent is not computed.
+# Omitting one effect shows its influence on the result. Absent effects are not computed.
 print("\nwithout     evaluations  the satellite ends up elsewhere by   energy drift")
 for name in ("oblateness", "drag"):
     rest = Scene([effect for other, effect in effects.items() if other != name])

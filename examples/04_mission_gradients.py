@@ -1,5 +1,5 @@
-"""A kick stage: burn, coast, yo-yo. Reverse mode through the whole mission says which input
-moves which result."""
+"""A kick stage: burn, coast, yo-yo. Reverse mode through the whole mission gives the sensitivity of
+the results to the inputs."""
 
 import jax
 import jax.numpy as jnp
@@ -95,8 +95,8 @@ print(
     f"apogee {value['apogee'] / 1e3:.1f} km\n\nderivative               reverse mode   differences"
 )
 
-# The derivatives pass through burnout, whose time is one of the inputs, and through the jump of the
-# yo-yo.
+# The derivatives pass through burnout, whose time is one of the inputs, and through the jump of
+# the yo-yo.
 for result, least in (("apogee", 1.0), ("spin", 1e-6)):
     for name, step in (("burn_time", 0.01), ("misalignment", 5e-5), ("cord_length", 0.01)):
         above, below = (

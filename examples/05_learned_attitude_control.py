@@ -1,5 +1,5 @@
-"""A small network learns to stop and point a tumbling body, by gradients through the simulated
-motion to its weights."""
+"""A small network learns to stop and point a tumbling body, trained with gradients through the
+simulation."""
 
 import equinox as eqx
 import jax
@@ -25,7 +25,7 @@ class Control(eqx.Module):
     def __call__(self, t, y, body):
         up = UP.reshape(3, *(1,) * (y.omega.ndim - 1))
         x = jnp.concatenate([y.omega, y.attitude.rotate_back(up)])
-        # The runs are on the last axis: the network is mapped over it.
+        # The batch axis is the last one: the network is mapped over it.
         network = self.network if x.ndim == 1 else jax.vmap(self.network, -1, -1)
         return Load(torque_B=network(x))
 
@@ -48,7 +48,7 @@ def performance(network, y0s):
     """Rate, rad/s, and cosine of the pointing error, (times, runs)."""
     ts = jnp.linspace(0.0, SECONDS, 5)
     accuracy = Accuracy(rtol=1e-3, method=Tsit5(), max_steps=256)
-    # The weights declare no axis of runs: all runs share them.
+    # The weights have no batch axis: all runs share them.
     states = simulate_batch(closed_loop(network), y0s, ts, accuracy=accuracy).states
     axis_N = states.attitude.rotate(UP[:, None, None])
     return norm(states.omega), axis_N[2]

@@ -1,7 +1,7 @@
 """Inertia, wheel alignment and gyro biases of a satellite from noisy rate gyros.
 
 Torque-free motion determines the inertia tensor only up to a factor. A wheel of known momentum that
-spins up in the meantime gives the scale, and its axis is found with it."""
+is spun up during the measurement determines the scale, and its axis is also estimated."""
 
 import jax
 import jax.numpy as jnp
@@ -66,7 +66,7 @@ print("\nprincipal moments:", jnp.round(moments, 3), "true:", jnp.round(expected
 assert found.converged and found.observability() == ""
 assert np.max(np.abs(estimate - true) / found.std) < 4.0
 
-# Without the wheel neither the scale of the inertia nor the wheel's axis can be seen.
+# Without the wheel neither the scale of the inertia nor the axis of the wheel is observable.
 blind = fit(lambda p: readings(p, False), readings(truth, False), truth, noise=NOISE)
 print(blind.observability())
 assert "axis[0] cannot be seen" in blind.observability()

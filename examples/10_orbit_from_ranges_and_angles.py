@@ -1,8 +1,8 @@
 """The orbit of GEOS-3 from one radar pass over Kaena Point, Hawaii, on 29 January 1995.
 
-Readings and instrument errors: Vallado, Fundamentals of Astrodynamics and Applications, example
-10-4: range in km, azimuth and elevation in degrees. The state found there has the lengths 7216.76
-km and 7432.6 m/s."""
+Measurements and instrument errors: Vallado, Fundamentals of Astrodynamics and Applications, example
+10-4: range in km, azimuth and elevation in degrees. The magnitudes of position and velocity found
+there are 7216.76 km and 7432.6 m/s."""
 
 import jax
 import jax.numpy as jnp
@@ -36,7 +36,7 @@ NOISE = {"azimuth": 0.0224, "elevation": 0.0139, "range": 92.5e-3}
 data = dict(zip(("azimuth", "elevation", "range"), PASS.T[1:], strict=True))
 data = {name: jnp.asarray(x - BIAS[name]) for name, x in data.items()}
 
-# Greenwich sidereal angle at the first reading, from the days since 2000 January 1.5.
+# Greenwich sidereal angle at the first measurement, from the days since 2000 January 1.5.
 days = 2449746.5 + (2 * 3600 + 38 * 60 + 37) / 86400 - 2451545.0
 sidereal = np.radians((280.46061837 + 360.98564736629 * days) % 360.0)
 station = Station(
@@ -71,7 +71,8 @@ for name, tests in found.tests.items():
     print(f"{name:9s} p-values: mean {tests.mean:.2f}, whiteness {tests.whiteness:.2f}")
 print(f"p-value of chi^2 {found.p_value:.2f}")
 lengths = [float(jnp.linalg.norm(x)) for x in jax.tree.leaves(found.parameters)]
-# By another geopotential and other axes: half a kilometre, and the standard deviation of the speed.
+# Different geopotential and axes: half a kilometre, and the standard deviation of the speed.
 assert abs(lengths[0] - 7216.76e3) < 500.0 and abs(lengths[1] - 7432.62) < 2.0
-# GEOS-3 flew at 840 km and 115 degrees (NASA); the pass of three minutes tells the speed to 2 m/s.
+# GEOS-3: 840 km and 115 degrees (NASA); the pass of three minutes determines the speed to 2
+# m/s.
 assert found.converged and abs(float(a) - 7.22e6) < 3e4 and abs(inclination - 115.0) < 0.2

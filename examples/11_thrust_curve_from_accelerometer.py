@@ -1,7 +1,7 @@
 """The thrust curve of a black-powder motor, an Estes C6, from an accelerometer on a sled.
 
-The truth is the published curve of the test stand (RASP file Estes_C6.eng). Thrust at its nodes,
-drag coefficient and bias of the instrument are fitted together."""
+The true curve is the published one from a test stand (RASP file Estes_C6.eng). The thrust at its
+nodes, the drag coefficient and the bias of the instrument are estimated together."""
 
 from typing import final
 

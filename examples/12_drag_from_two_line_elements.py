@@ -1,4 +1,4 @@
-"""The drag of Tiangong-1 from its two-line elements of early 2018, and when it comes down.
+"""The drag of Tiangong-1 from its two-line elements of early 2018, and its re-entry date.
 
 Mean motions as published (NORAD 37820, 2011-053A; 27 January to 15 February 2018). It re-entered on
 2 April 2018 at 00:16 UTC, day 92.01."""
@@ -20,7 +20,7 @@ from jaxspace.studies import sensitivity
 
 jaxspace.enable_x64()
 
-# Day of 2018, revolutions a day.
+# Day of 2018, revolutions per day.
 ELEMENTS = np.array(
     [[27.60500207, 16.01003387], [46.14148403, 16.04256914], [46.58112813, 16.04338150]]
 )
@@ -40,7 +40,7 @@ class Decay(AbstractSystem):
         a = 1e3 * y["a"]
         density = self.air.density_at(a - MEAN_RADIUS)
         rate = circular_decay_rate(a, density, self.ballistic_coefficient, MU_EARTH)
-        # The search for an event looks beyond it: the orbit ends, and the numbers stay finite.
+        # The event search also samples later times: the values must be finite after re-entry.
         return {"a": jnp.where(a - MEAN_RADIUS > 110e3, 1e-3 * rate, 0.0)}
 
     def invariants(self, t, y):
@@ -63,7 +63,8 @@ guess = {"B": jnp.array(100.0), "a": jnp.asarray(orbit_of(revolutions[0]))}
 found = fit(readings, jnp.asarray(revolutions), guess, noise=2e-5)
 print(found)
 
-# Down to 120 km, where the air takes the rest within an hour; and what the error of B makes of it.
+# Decay to 120 km, from where re-entry takes less than an hour; and the influence of the error
+# of B.
 down = Event(lambda t, y: y["a"] - 1e-3 * (MEAN_RADIUS + 120e3), direction=-1)
 p = found.parameters
 run, change = sensitivity(
@@ -75,5 +76,6 @@ slope = change.times[:, -1] / DAY
 spread = float(jnp.sqrt(slope @ found.covariance @ slope))
 print(f"re-entry on day {end:.1f} +- {spread:.1f} by the elements alone; it was day 92.0")
 print(f"one percent of drag moves it by {float(slope[0] * p['B']) / 100.0:.2f} days")
-# The standard is air of mean solar activity: in the minimum of 2018 the end came earlier.
+# The standard atmosphere is for mean solar activity: in the minimum of 2018 re-entry was
+# earlier.
 assert found.converged and 92.0 < end < 125.0

@@ -1,7 +1,7 @@
-"""Known physics plus a network, trained on noisy trajectories in one batch.
+"""A hybrid of a physical model and a network, trained on noisy trajectories in one batch.
 
-A pendulum swings with a friction that nobody told the model. The network learns the missing
-acceleration from 64 noisy paths, and predicts paths that it never saw."""
+A pendulum has friction that is missing in the model. The network learns the missing acceleration
+from 64 noisy trajectories, and is tested on new trajectories."""
 
 from typing import final
 

@@ -1,9 +1,9 @@
 """A gravity field and an atmosphere of another library as effects of a scene.
 
-Any function of JAX is an acceleration, by `Custom`. Here the field JGM-3 to degree and order 4 and
-the density of Harris and Priester, both of astrojax, the air denser under the sun, act on a low
-satellite for two revolutions. The derivative of its end with respect to the start goes through them
-all. Needs `pip install jaxspace[ephemerides]`.
+`Custom` turns any JAX function into an acceleration. Here the gravity field JGM-3 to degree and
+order 4 and the Harris-Priester density, which includes the diurnal bulge, both from astrojax, act
+on a low satellite for two revolutions. The derivative of the final state with respect to the
+initial state passes through both. Requires `pip install jaxspace[ephemerides]`.
 """
 
 import jax
@@ -33,7 +33,7 @@ START = Epoch(2026, 3, 1, 0, 0, 0)
 AREA_PER_MASS = 0.02  # drag coefficient times area over mass, m^2/kg
 
 
-# Of the earth, from the files of the library; read before anything is compiled.
+# Coefficients for the Earth from the files of the library, read before compilation.
 FIELD = GravityModel.from_type("JGM3")
 FIELD.set_max_degree_order(DEGREE, DEGREE)
 

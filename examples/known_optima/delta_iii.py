@@ -1,9 +1,11 @@
-"""The ascent of a Delta III with nine boosters to the orbit of transfer: 37 unknowns, four phases.
+"""The ascent of a Delta III with nine boosters to a transfer orbit: 37 design variables, four
+phases.
 
 Six boosters and the first stage, three boosters and the first stage, the first stage, the second
-stage; through air that turns with the earth. Published: 7529.71 kg after 924.139 s (Benson, A Gauss
-Pseudospectral Transcription for Optimal Control, MIT 2005; Rao et al., GPOPS, ACM Transactions on
-Mathematical Software 37, 2010, multiple-stage launch vehicle ascent, whose constants these are).
+stage; in an atmosphere that rotates with the Earth. Published: 7529.71 kg after 924.139 s (Benson,
+A Gauss Pseudospectral Transcription for Optimal Control, MIT 2005; Rao et al., GPOPS, ACM
+Transactions on Mathematical Software 37, 2010, multiple-stage launch vehicle ascent, whose
+constants these are).
 """
 
 import jax.numpy as jnp
@@ -18,9 +20,9 @@ from jaxspace.simulation import Mission, Phase, simulate_compact
 
 # Mass in orbit, kg, and time, s.
 PUBLISHED, PUBLISHED_TIME = 7529.7123, 924.139
-# Of the earth: m^3/s^2, m, rad/s.
+# Earth: m^3/s^2, m, rad/s.
 MU, EARTH, SPIN = 3.986012e14, 6378145.0, 7.29211585e-5
-# Of the air: kg/m^3, m; drag coefficient times area, m^2.
+# Atmosphere: kg/m^3, m; drag coefficient times area, m^2.
 DENSITY, SCALE_HEIGHT, DRAG_AREA = 1.225, 7200.0, 0.5 * 4.0 * np.pi
 SPEED = float(np.sqrt(MU / EARTH))
 SECONDS = EARTH / SPEED
@@ -32,7 +34,7 @@ SWITCHES = np.array([0.0, 75.2, 150.4, 261.0]) / SECONDS
 DROPPED = np.array([6 * 2280.0, 3 * 2280.0, 104380.0 - 95550.0, 0.0]) / 1e3
 START_MASS = (9 * 19290.0 + 104380.0 + 19300.0 + 4164.0) / 1e3
 LATITUDE = np.radians(28.5)
-# Of the orbit: semi-major axis, m, eccentricity, inclination, node and argument of the perigee.
+# Orbit: semi-major axis, m, eccentricity, inclination, node and argument of the perigee.
 ORBIT = (24361140.0, 0.7308, *np.radians([28.5, 269.8, 130.5]))
 
 

@@ -1,10 +1,10 @@
-"""Goddard's rocket with drag: the greatest height with three fifths of the mass left.
+"""Goddard's rocket with drag: maximum height with three fifths of the mass remaining.
 
-Units: the earth's radius, its surface gravity and the mass at lift-off are 1. Full thrust, a part
-of it and none follow each other; on the arc between no switching function decides the thrust, which
-is a polynomial here. Published: final altitude 1.01283 (Bryson and Ho, Applied Optimal Control; the
-constants as in Betts, Practical Methods for Optimal Control and Estimation Using Nonlinear
-Programming, and in Dolan, More and Munson, COPS 3.0, rocket).
+Units: the Earth's radius, its surface gravity and the lift-off mass are 1. The arcs of full,
+partial and zero thrust follow each other; on the intermediate singular arc no switching function
+determines the thrust, which is a polynomial here. Published: final altitude 1.01283 (Bryson and Ho,
+Applied Optimal Control; the constants as in Betts, Practical Methods for Optimal Control and
+Estimation Using Nonlinear Programming, and in Dolan, More and Munson, COPS 3.0, rocket).
 """
 
 import jax
@@ -18,7 +18,7 @@ from jaxspace.optimization import Criterion, minimise
 from jaxspace.simulation import Mission, Phase, simulate_compact
 
 PUBLISHED = 1.01283
-# Drag D = 310 v^2 exp(-500 (h - 1)), greatest thrust, exhaust velocity, mass at the end.
+# Drag D = 310 v^2 exp(-500 (h - 1)), maximum thrust, exhaust velocity, final mass.
 DRAG, DECAY, THRUST, JET, LEFT = 310.0, 500.0, 3.5, 0.5, 0.6
 
 
@@ -67,7 +67,7 @@ def search():
     low = jax.tree.map(lambda x: jnp.full(x.shape, 1e-3), start) | {"thrust": jnp.full(6, -jnp.inf)}
     high = {"full": 0.1, "arc": 0.2, "coast": 0.3, "thrust": np.inf}
     high = jax.tree.map(lambda x, b: jnp.full(x.shape, b), start, high)
-    # The altitude is flat in the last coefficients: 1e-6 of the slope leaves 1e-10 of it.
+    # The altitude is flat in the last coefficients: a gradient of 1e-6 leaves an error of 1e-10.
     return minimise(problem, start, bounds=(low, high), tolerance=2e-6)
 
 

@@ -1,4 +1,4 @@
-"""Searches one of the problems beside this file, and prints its optimum beside the known one."""
+"""Solves one of the problems in this folder, and compares its optimum with the known one."""
 
 import time
 from collections.abc import Callable

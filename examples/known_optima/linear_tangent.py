@@ -1,9 +1,9 @@
-"""Linear-tangent steering: from rest to a height of 5 and a velocity of (45, 0) in the least time.
+"""Linear-tangent steering: from rest to a height of 5 and a velocity of (45, 0) in minimum time.
 
-The acceleration is 100 everywhere, and its angle is free: here a polynomial in the time, whose
-coefficients and whose duration are found. At the optimum its tangent is linear in the time, which
-nothing here says. Published: 0.5545709 (Betts, Practical Methods for Optimal Control and Estimation
-Using Nonlinear Programming, linear tangent steering).
+The acceleration is 100, and its angle is free: here a polynomial of time, whose coefficients and
+duration are optimised. At the optimum the tangent of the angle is linear in time, which is not used
+here. Published: 0.5545709 (Betts, Practical Methods for Optimal Control and Estimation Using
+Nonlinear Programming, linear tangent steering).
 """
 
 import jax.numpy as jnp

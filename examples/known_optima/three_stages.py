@@ -1,9 +1,9 @@
-"""Three stages and a coast from rest on the ground to a circle at 185 km, with the most mass left.
+"""Three stages and a coast from rest on the ground to a circular orbit at 185 km with maximum mass.
 
-The earth does not turn and has no air. The rocket is made up, so that no book has its optimum:
-`REFERENCE` is what Pontryagin's conditions give, which
-tests/optimization/test_optimization_known.py solves by SciPy, apart from all of this (the
-conditions: Bryson and Ho, Applied Optimal Control).
+The Earth does not rotate and has no atmosphere. The rocket is a constructed example without a
+published optimum: `REFERENCE` follows from Pontryagin's conditions, which
+tests/optimization/test_optimization_known.py solves independently with SciPy (the conditions:
+Bryson and Ho, Applied Optimal Control).
 """
 
 import jax
@@ -19,7 +19,7 @@ from jaxspace.simulation import Mission, Phase, simulate_compact
 
 REFERENCE = 660.6643902  # kg
 # Thrust, N, exhaust velocity, m/s, propellant, kg, and dropped mass, kg, of three stages; the last
-# burns what it needs. In units of the target's radius and speed, and of the lift-off mass.
+# burns as long as required. In units of the target's radius and speed, and of the lift-off mass.
 GROUND, LIFT_OFF = 6378137.0, 20e3
 TARGET = GROUND + 185e3
 UNIT = float(np.sqrt(MU_EARTH / TARGET))

@@ -1,8 +1,8 @@
-"""Two burns and a coast from a low orbit to the geostationary ring, from a poor start.
+"""Two burns and a coast from a low orbit to geostationary orbit, from a poor initial guess.
 
 Units: the gravitational parameter and the radius of the low orbit, 6678 km, are 1. With a thrust of
-twenty times the weight the velocity is nearly that of Hohmann's two impulses, whose closed form is
-the least that two impulses need (Hohmann, Die Erreichbarkeit der Himmelskoerper, 1925).
+twenty times the weight the velocity increment is close to that of Hohmann's two impulses, whose
+closed form is the minimum for two impulses (Hohmann, Die Erreichbarkeit der Himmelskoerper, 1925).
 """
 
 import jax

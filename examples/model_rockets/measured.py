@@ -1,17 +1,19 @@
-"""Eleven flights of students' rockets that were measured: rocket, air, and the apogee of the log.
+"""Eleven measured flights of student rockets: rocket, atmosphere, and measured apogee.
 
-Numbers, thrust curves, curves of drag and logs are those of the examples of RocketPy
+Data, thrust curves, drag curves and logs are from the examples of RocketPy
 (https://github.com/RocketPy-Team/RocketPy at d41dd11e, docs/examples and data, MIT licence,
-Copyright (c) 2018 Giovani Hidalgo Ceotto), to which the teams gave them. Digitised curves of drag
-are averaged over 0.02 of the Mach number and thinned to within 0.006, long thrust curves to within
-1.2 percent of their peak at the same impulse; the files of motors are complete.
+Copyright (c) 2018 Giovani Hidalgo Ceotto), contributed by the teams. Digitised drag curves are
+averaged over 0.02 of the Mach number and thinned to within 0.006, long thrust curves to within 1.2
+percent of their peak at the same impulse; the motor files are complete.
 
 The air (`measured/*_air.csv`) is that of ERA5, at the hour of the flight and between the four
 points about the site, at its pressure levels from 1000 to 600 hPa: contains modified Copernicus
 Climate Change Service information 2020, 2022 and 2023. Neither the European Commission nor ECMWF is
-responsible for any use of it. Where a rocket has none, the air is the standard, and calm.
+responsible for any use of it. For rockets without such a file, the atmosphere is the calm standard
+atmosphere.
 
-Stations are along the axis towards the nose, m, from the origin of the original, as in `rockets`.
+Stations are along the axis towards the nose, m, from the origin of the original data, as in
+`rockets`.
 """
 
 import numpy as np
@@ -19,7 +21,7 @@ from rockets import NDRT, VALETUDO
 
 CALM = "measured/standard_air.csv"
 EUROC = {"rail_length": 12.0, "inclination": 84.0, "heading": 133.0}
-# No mass of the case: that of the rocket has it.
+# The case mass is zero: it is included in the mass of the rocket.
 NO_CASE = {"case_mass": 0.0, "case_inertia": (0.0, 0.0, 0.0)}
 
 BELLA_LUI = {
@@ -105,7 +107,7 @@ EREBUS = {
     "site": {"latitude": 39.3897, "elevation": 160.0, **EUROC},
 }  # fmt: skip
 
-# Its curve of drag is in the page of the example itself; two percent more while the motor burns.
+# The drag curve is in the page of the example; two percent higher while the motor burns.
 PROMETHEUS_DRAG = (
     np.array([0.15, 0.45, 0.77, 0.82, 0.88, 0.94, 0.99, 1.04, 1.24, 1.33, 1.49]),
     np.array([0.422, 0.38, 0.32, 0.30, 0.30, 0.32, 0.37, 0.44, 0.43, 0.42, 0.39]),
@@ -190,7 +192,7 @@ JUNO_3 = {
     "exit_radius": 0.0335,
     "drag": "measured/juno_3_drag.csv",
     "nose": {"shape": "von_karman", "length": 0.565, "tip": 1.477},
-    # Flat: the example has a table of the lift of their section.
+    # Flat fins: the example has a table of the lift of their section.
     "fins": {"count": 4, "span": 0.130, "root_chord": 0.20, "tip_chord": 0.12,
              "sweep_length": 0.08, "radius": 0.0655, "leading_edge": -0.928},
     "tail": {"fore_radius": 0.0655, "aft_radius": 0.0535, "length": 0.068, "fore_end": -1.226},
@@ -218,9 +220,9 @@ LINCE = {
     "site": {"latitude": 39.3897, "elevation": 158.0, **EUROC},
 }  # fmt: skip
 
-# The apogee above the ground, m: by RocketPy 1.13 with the numbers here, of `python
-# benchmarks/_rocketpy.py measured`, its centre of mass on the right side as `rockets` says; as the
-# pages of RocketPy give their own simulation; and as it was measured.
+# The apogee above the ground, m: computed by RocketPy 1.13 with the data of this file (`python
+# benchmarks/_rocketpy.py measured`), with its centre of mass on the correct side as explained
+# in `rockets`; from the simulation in the pages of RocketPy; and measured.
 APOGEES = {
     "Valetudo, 2019": (809.87, 825.39, 860.0),
     "Bella Lui, 2020": (460.59, 460.50, 458.97),

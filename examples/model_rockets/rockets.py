@@ -1,12 +1,12 @@
-"""Three rockets that RocketPy ships: their numbers, once, for RocketPy and for jaxspace.
+"""Three example rockets of RocketPy: common data for RocketPy and jaxspace.
 
-The numbers are those of RocketPy 1.13 (https://github.com/RocketPy-Team/RocketPy, MIT licence,
+The data are those of RocketPy 1.13 (https://github.com/RocketPy-Team/RocketPy, MIT licence,
 Copyright (c) 2018 Giovani Hidalgo Ceotto): Calisto from its tests (tests/fixtures), NDRT 2020 and
-Valetudo from its examples (docs/examples). Curves of drag are thinned to within 0.012, the thrust
-of Valetudo's motor to within 14 N at the same impulse; the files of the two other motors are
-complete. The winds are ours, and so is Valetudo's second parachute, which changes nothing.
+Valetudo from its examples (docs/examples). Drag curves are thinned to within 0.012, the thrust of
+Valetudo's motor to within 14 N at the same impulse; the files of the two other motors are complete.
+The winds were added, and so was Valetudo's second parachute, which has no effect.
 
-Stations are along the axis towards the nose, m, from the origin of the original.
+Stations are along the axis towards the nose, m, from the origin of the original data.
 """
 
 from pathlib import Path
@@ -137,7 +137,7 @@ def vehicle(rocket: dict, points: int = 0):
     number, _, outer, inner, height, gap = rocket["grains"]
     same = ("radius", "mass", "inertia", "centre", "case_mass", "case_inertia", "case_station")
     same = (*same, "propellant_station", "exit_station", "exit_radius")
-    # A tail that changes no radius gives no force.
+    # A tail without a change of radius has no force.
     plain = {"fore_radius": rocket["radius"], "aft_radius": rocket["radius"]}
     tail = rocket["tail"] or {**plain, "length": 1.0, "fore_end": 0.0}
     motor = read_motor(HERE / rocket["motor_file"])
