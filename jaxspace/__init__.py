@@ -27,7 +27,7 @@ The packages, from the ground up:
     optimization    staging, steering
     robust          the best design where everything scatters (imported by name)
     estimation      parameters and states from data (imported by name)
-    verification    hard cases and laws (imported by name)
+    verification    edge cases and laws (imported by name)
     io, plots, cli  files, figures, the command line (imported by name, with the extra `app`)
 
 Each is imported when it is first used, or a name of it: `import jaxspace` alone loads none of them,
@@ -37,7 +37,7 @@ and no JAX.
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    # For editors and type checkers, for which `_PACKAGES` and `_MODULE_OF` are no imports.
+    # For editors and type checkers, which do not treat `_PACKAGES` and `_MODULE_OF` as imports.
     from . import attitude as attitude
     from . import bodies as bodies
     from . import constants as constants

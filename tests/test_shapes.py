@@ -19,7 +19,7 @@ TIMES, RUNS = 5, 4
 # an interpreter without the instrumentation of these tests, which would stop them before.
 CASES = {
     "vectors.dot(rows, rows)": "dot: a has the shape (201, 3): its first axis must hold the 3 "
-    "components (components lead, then times, then runs).",
+    "components (components first, then times, batch axis last).",
     "vectors.dot(v, rows)": "dot: b has the shape (201, 3)",
     "vectors.cross(rows, v)": "cross: a has the shape (201, 3)",
     "vectors.norm(rows)": "norm: a has the shape (201, 3)",

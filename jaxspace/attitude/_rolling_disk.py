@@ -276,7 +276,7 @@ class RollingDisk(AbstractSystem):
         _, _, _, mgR = self._letters()
         viscous = 0.0 if self.contour_damping is None else self.contour_damping * rolling
         if self.contour_friction is None:
-            # Plus zero, for the shape of the runs where there is no resistance.
+            # Plus zero, for the batch shape without resistance.
             return viscous + 0.0 * rolling
         return viscous + self.contour_friction * mgR * jnp.sign(rolling)
 

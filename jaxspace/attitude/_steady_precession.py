@@ -97,7 +97,7 @@ def pseudo_potential(
     s, c = jnp.sin(0.5 * theta), jnp.cos(0.5 * theta)
     p = barrier(C * n)  # rounded once: a product within the difference would not vanish
     up, down = h_Z - p, h_Z + p
-    # At the vertical there is no pole where the momenta let the axis pass.
+    # The vertical is not a pole where the momenta let the axis pass.
     upright = s == 0.0
     around = jnp.where(upright, 0.0, quotient(up * c, jnp.where(upright, 1.0, s))) + down * s / c
     V = around * around / (8.0 * A) + Wl * (1.0 - 2.0 * s * s)

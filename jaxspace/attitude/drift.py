@@ -206,7 +206,7 @@ class AttitudeDrift(AbstractSystem):
 
     def invariants(self, t: Scalar, y: DriftState) -> dict[str, Array]:
         del t, y
-        # Energy falls; the angular momentum is no part of the state.
+        # Energy falls; the angular momentum is not part of the state.
         return {}
 
     def closed_form(self) -> AbstractClosedForm:

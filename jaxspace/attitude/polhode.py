@@ -85,7 +85,7 @@ class Polhode(HashedModule):
         energies = jnp.take_along_axis(moments * omega * omega, order, axis=0)
         below, above, middle = _differences((a, b, c), energies)
         p, q = (b - c) * below, (a - b) * above
-        # p - q = (a - c) middle, whose sign has no rounding beside the separatrix.
+        # p - q = (a - c) middle, whose sign is exact next to the separatrix.
         most = jnp.maximum(p, q)
         about_least = middle > 0.0
         two_t = dot(moments * omega, omega)

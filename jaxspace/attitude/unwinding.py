@@ -192,7 +192,7 @@ class StretchingCords(AbstractSystem):
 
     def outside(self, t: Scalar, y: CordState) -> Flag:
         del t
-        # Beside the free length, because the stretch may be zero at the start.
+        # Relative to the free length, because the stretch may be zero at the start.
         return y.stretch < -1e-6 * self.radius * abs(y.angle)
 
     def tension(self, y: CordState) -> Scalar:

@@ -145,8 +145,8 @@ def inertia_ellipsoid(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
     **Returns** its semi-axes 1/sqrt(I_i), kg^-1/2 m^-1, (3, *runs), the longest first, and its
     axes, the principal ones, as the columns of a matrix, (3, 3, *runs); derivatives as in
     `principal_axes`. Poinsot's ellipsoid of omega is sqrt(2T) times as large. Along any direction
-    its radius is 1/sqrt(`moment_along`). That of a rod is a cylinder: its first semi-axis is
-    infinite, with derivatives of zero."""
+    its radius is 1/sqrt(`moment_along`). The ellipsoid of a rod is a cylinder: its first semi-axis
+    is infinite, with derivatives of zero."""
     moments, axes = principal_axes(inertia)
     endless = moments <= 0.0
     return jnp.where(endless, jnp.inf, inverse_sqrt(jnp.where(endless, 1.0, moments))), axes

@@ -251,7 +251,7 @@ def _derivative_of(x: Array) -> Array:
 def _axes(tensor: Matrix) -> Matrix:
     """The principal axes as columns, right-handed."""
     axes = principal_axes(InertiaTensor(tensor))[1]
-    # Eigenvectors may form a left-handed frame, which is no rotation.
+    # Eigenvectors may form a left-handed frame, which is not a rotation.
     return jnp.stack([axes[:, 0], axes[:, 1], cross(axes[:, 0], axes[:, 1])], axis=1)
 
 

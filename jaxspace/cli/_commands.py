@@ -120,7 +120,7 @@ def optimize(
             again = file.optimize(progress=show, start=result.values, steps=2 * result.steps)
             result, numbers, run = confirmed(again)
     print(optimum_report(result, numbers, run))
-    # The sentence of the report has said that there is no optimum.
+    # The report has already stated that no optimum was found.
     if sensitivities and not result.infeasible:
         print(f"\n{sensitivity_report(result)}")
     print(f"file   {best}")

@@ -46,7 +46,7 @@ def make_folder(name: str) -> None:
 def replacing(path: str) -> Iterator[str]:
     """A temporary path for a file that replaces `path` when it is complete: on a full disk an
     existing file is unchanged, and no partial file remains."""
-    # A device, such as that of the output, is no file that can be replaced.
+    # A device, such as that of the output, cannot be replaced like a file.
     if os.path.exists(path) and not os.path.isfile(path):
         yield path
         return

@@ -44,7 +44,7 @@ def keep_pictures(
 
     if not result.good.any():
         return 0
-    # No window: the command also runs where there is no display.
+    # No window: the command also runs without a display.
     matplotlib.use("Agg")
     values = {name: value for name, (value, _) in nominal.items()}
 

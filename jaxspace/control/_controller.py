@@ -104,6 +104,6 @@ def measurement(measured: PyTree, name: str) -> PyTree:
                 "a sensor with this name."
             )
         return measured[name]
-    # A whole state: its own parts, and what effects integrate beside them.
+    # A whole state: its own parts, and those integrated by effects.
     result = getattr(measured, name, None)
     return measured.part(name) if result is None else result

@@ -69,8 +69,8 @@ class LoopRun(AbstractRun):
 
     @property
     def commands(self) -> PyTree:
-        """The commands in force after each of the times: components lead, then times, then runs.
-        The last one is that at the end."""
+        """The commands in force after each of the times: components first, then times, batch axis
+        last. The last one is that at the end."""
         return self._control["commands"]
 
     @property

@@ -109,8 +109,8 @@ class AbstractRegularised(HashedModule):
         def squared(x: Array) -> Scalar:
             return jnp.sum(x[:-1] * x[:-1], axis=0)
 
-        # Beside the greater of both, because the variables may pass close to zero at one of the
-        # ends.
+        # Relative to the greater of both, because the variables may pass close to zero at one of
+        # the ends.
         return jnp.sqrt(squared(x) / jnp.maximum(squared(z0), squared(z1)))
 
     def second_order(self, z: jax.ShapeDtypeStruct) -> "AbstractSecondOrderForm | None":
@@ -171,8 +171,8 @@ class AbstractSystem(AbstractParameters):
 
     Every parameter is a leaf that may carry runs on its last axis, as its annotation declares
     (`*runs`). A concrete system is final. Its state is a small `equinox.Module` with named fields;
-    the components of a field lead and the runs trail, and the derivative has the type of the
-    state.
+    the components of a field come first and the batch axes last, and the derivative has the type of
+    the state.
 
     `vector_field` and `invariants` have no default, because an author must decide what is
     conserved. The capabilities have one, `None`, so that a system names only those it has."""

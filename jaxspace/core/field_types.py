@@ -23,7 +23,7 @@ from .checks import InputError
 
 # The entry of a field's metadata that holds its declaration as a quantity.
 QUANTITY = "quantity"
-# Longest text of a wrong value in a sentence.
+# Longest text of a wrong value in a message.
 SHOWN = 60
 # Classes that a sentence lists for an abstract one.
 LISTED = 6

@@ -44,7 +44,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
     result = path.stat()
     # Opening a folder raises a clear `OSError` itself.
     if not stat.S_ISREG(result.st_mode) and not stat.S_ISDIR(result.st_mode):
-        raise InputError(f"{path} cannot be read: it is no regular file.")
+        raise InputError(f"{path} cannot be read: it is not a regular file.")
     if result.st_size > LARGEST:
         raise InputError(
             f"{path} cannot be read: it has {result.st_size / 1e6:.0f} MB, and at most "

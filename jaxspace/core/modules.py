@@ -49,7 +49,7 @@ def modules_of(package: str) -> tuple[Callable[[str], types.ModuleType], Callabl
     **Returns** the two functions."""
     root = sys.modules[package]
     root.__class__ = _Root
-    # Those that the root has imported above.
+    # Packages that the root has imported above.
     for name, thing in list(vars(root).items()):
         setattr(root, name, thing)
 

@@ -317,7 +317,7 @@ class AbstractParameters(HashedModule):
     without the declared axes, and for one outside its range; the message names class, field, value
     and the allowed values. Of traced numbers only the axes are checked."""
 
-    # Those of the declarations: no field is named here.
+    # Without field names: those of the declarations.
     _printed_units: ClassVar[Mapping[str, Unit]] = {}
 
     def __init_subclass__(cls, **kwargs: object) -> None:

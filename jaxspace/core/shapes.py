@@ -1,4 +1,4 @@
-"""The rule of shapes: components lead, then times, then runs.
+"""Array layout: components first, then times, batch axis last.
 
 A position is (3, *runs), along a trajectory (3, times, *runs). A check of the first axis reads
 nothing but the static shape of an array, so that it costs nothing when the program runs and works
@@ -16,7 +16,7 @@ from jaxtyping import Array, PyTree
 
 from .checks import InputError
 
-RULE = "(components lead, then times, then runs)"
+RULE = "(components first, then times, batch axis last)"
 
 
 def check_components(name: str, x: object, count: int, axes: int = 1) -> None:

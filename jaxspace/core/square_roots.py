@@ -78,7 +78,7 @@ def _is_slow(x: Array) -> bool:
 
 def _hidden_root(x: Array) -> Array:
     root = jnp.sqrt(x)
-    # The absolute value hides a quotient by the root from the compiler, and is free beside it.
+    # The absolute value hides a quotient by the root from the compiler, and costs nothing extra.
     return jnp.abs(root) if _is_slow(x) else root
 
 

@@ -251,7 +251,7 @@ def _tables(tree: PyTree) -> list[AbstractTable]:
     for leaf in jax.tree.leaves(tree, is_leaf=lambda x: isinstance(x, AbstractTable)):
         if isinstance(leaf, AbstractTable):
             result.append(leaf)
-        # A function is a leaf, and what it closes over is no part of the tree. By its type: an
+        # A function is a leaf, and its closure is not part of the tree. By its type: an
         # object of a user may answer to any name, or raise for it.
         function = leaf.__func__ if isinstance(leaf, MethodType) else leaf
         cells = function.__closure__ if isinstance(function, FunctionType) else None

@@ -1,4 +1,4 @@
-"""The types that every formula shares: components lead, runs trail (`*runs` is empty for one run).
+"""The types shared by all formulas: components first, batch axis last (`*runs`, empty for one run).
 
 Along a trajectory the time axis precedes the batch axes; `*runs` then means both.
 """

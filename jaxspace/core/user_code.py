@@ -41,7 +41,7 @@ def run_module(name: str, text: str) -> ModuleType:
     linecache.cache[name] = (len(text), None, text.splitlines(keepends=True), name)
     try:
         exec(compile(text, name, "exec"), module.__dict__)
-    # Whatever it is: only an interruption is no error of the file.
+    # Any exception: only an interruption is not an error of the file.
     except BaseException as error:
         del sys.modules[module.__name__]
         lines = [

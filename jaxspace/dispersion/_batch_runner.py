@@ -206,7 +206,7 @@ class BatchRunner(AbstractRunner):
         all runs, in a call of copies of it."""
         size = self.call
         drawn = self._draw(np.arange(size, dtype=np.uint32), np.zeros(size, bool))
-        # Those of the runs say that they were not used.
+        # The statuses of the runs show that they were not used.
         zeros = np.zeros(size, drawn.status.dtype)
         drawn = drawn._replace(status=jax.device_put(zeros, self.devices[0]))
         given = self._arguments(drawn)

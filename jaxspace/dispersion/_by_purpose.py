@@ -140,7 +140,7 @@ def numerical_errors(here: RunResults, reference: RunResults) -> dict[str, float
     reference; infinite where one of them does not end well here."""
     result = {}
     for name, exact, usable in _good(reference):
-        # Those of runs that fail are no numbers.
+        # Errors of failed runs are NaN.
         with np.errstate(invalid="ignore"):
             apart = np.asarray(here.outputs[name], float)[usable] - exact[usable]
         square = float(np.mean(apart * apart)) if apart.size else 0.0

@@ -87,7 +87,7 @@ def check_apart(function: OutputFunction, along: int, first: FirstRuns) -> None:
     """Check that the outputs of a run, of `along` states of each phase, depend on that run only.
 
     The outputs of the `first` runs are computed again with copies of one run in place of all: each
-    row must equal that of the run among the others. Those of the library are left out
+    row must equal that of the run among the others. Outputs of the library are exempt
     (`outputs_to_check`).
 
     **Raises** `InputError` for an output that depends on other runs, or on the place of a run among

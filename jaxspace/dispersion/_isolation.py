@@ -42,7 +42,7 @@ def isolate(function: Callable[[np.ndarray], T], count: int) -> T:
     try:
         return call(used)
     except RAISED as error:
-        # A lack of memory is no property of a run.
+        # Insufficient memory is not a property of a run.
         if "RESOURCE_EXHAUSTED" in str(error):
             raise
         # The nominal inputs take the place of those of every run: where these raise, no run can be

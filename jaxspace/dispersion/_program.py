@@ -125,7 +125,7 @@ def _block(
     saved = saved_of(campaign.along, samples)
     result, _ = run_inputs(campaign, accuracy, inputs, saved, small=small, rolled=True)
     outputs = outputs_of(campaign.outputs, for_outputs(result, samples), inputs)
-    # A run that is refused has been computed beside the others: its own status says so.
+    # A rejected run has been computed with the others: its status marks it.
     status = jnp.where(not_run == Status.COMPLETED, result.status, not_run)
     evaluations = sum((run.stats["evaluations"] for run in result.phases), jnp.array(0))
 

@@ -239,7 +239,7 @@ def _derivatives(
         first, (values, status) = slopes(zero)
         return _Series(values, first, {}, {}, status)
 
-    # One program for each column of the second derivatives and for the slopes beside the point: a
+    # One program for each column of the second derivatives and for the slopes next to the point: a
     # second direction in the same program would take several times as long to compile.
     def columns_at(
         row: tuple[Array, Array],

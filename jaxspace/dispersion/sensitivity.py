@@ -118,7 +118,7 @@ def _indices(names: list[str], values: np.ndarray) -> dict[str, SobolIndex]:
     if values.shape[1] > 1 and not scatters(values):
         return {name: SobolIndex(0.0, 0.0, 0.0, 0.0) for name in names}
     f_a, f_b, *f_mixed = values.astype(float)
-    # Of one point, or where only the mixed runs differ, there is no variance to compare with.
+    # With one point, or where only the mixed runs differ, the variance is zero.
     if values.shape[1] < 2 or not (np.ptp(f_a) > 0.0 or np.ptp(f_b) > 0.0 or f_a[0] != f_b[0]):
         return {name: SobolIndex(*(float("nan"),) * 4) for name in names}
     # The estimator of the first order multiplies by f(B): without the mean it scatters less.

@@ -68,7 +68,7 @@ class Ending:
             if not all(k in self.values for k in range(count)):
                 break
             x = np.concatenate([self.values[k] for k in range(count)])
-            # If all runs have failed so far, there is no percentile.
+            # If all runs have failed so far, a percentile does not exist.
             if not np.isnan(x).all() and self.rule.met(x):
                 self.met = count
             self.waiting = self.waiting[1:]

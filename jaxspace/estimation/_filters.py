@@ -215,7 +215,7 @@ def _predict_unscented(
     ts = jnp.stack([t0, t1])
     points, weights = _sigma_points(known)
     run = simulate_batch(system, points, ts, accuracy=accuracy)
-    # Errors are small beside the point that started at the mean.
+    # Errors are small compared with the point that started at the mean.
     about = Coordinates.of(jax.tree.map(lambda x: x[..., 0], run.final), 0)
     errors = _errors(about, run.final)
     mean = errors @ weights

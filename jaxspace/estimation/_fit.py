@@ -249,7 +249,8 @@ def _fit_of(task: _Task, x: Array, solved: Array, steps: Array, stated: bool) ->
     chi_squared = r @ r
     variance = jnp.ones((), r.dtype)
     if not stated:
-        # With as many readings as parameters there is no residual, and no estimate of the noise.
+        # With equal numbers of readings and parameters the residuals vanish, and the noise is
+        # unknown.
         variance = chi_squared / jnp.maximum(freedom, 1.0)
     columns = sqrt(jnp.sum(jacobian**2, axis=0))
     # A parameter of no influence keeps its unit, and shows as a singular value of zero.

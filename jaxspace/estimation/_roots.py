@@ -33,7 +33,7 @@ def root_of(P: Float[Array, "n n"]) -> Float[Array, "n n"]:
     columns = []
     for j in range(n):
         d = P[j, j]
-        # Remainders below rounding are no variances: their roots would be noise, or of negative
+        # Remainders below rounding are not variances: their roots would be noise, or of negative
         # numbers.
         good = d > least[j]
         column = jnp.where(good, P[:, j], 0.0) * inverse_sqrt(jnp.where(good, d, 1.0))

@@ -121,7 +121,7 @@ def _units(a: Float[Array, "n n *#runs"]) -> Float[Array, "n *#runs"]:
         # What is smaller than one needs no squaring, and what is zero has no better unit.
         row, column = (jnp.maximum(jnp.sum(size, axis=k), 1.0) for k in (1, 0))
         change = 0.25 * jnp.log2(row / column)
-        # Each run by itself: its units do not depend on those beside it.
+        # Each run separately: its units do not depend on its neighbours.
         far = jnp.any(jnp.abs(change) > 0.5, axis=0)
         return number + 1, jnp.where(far, exponents + change, exponents), far
 

@@ -121,8 +121,8 @@ class DuffingOscillator(AbstractSystem):
 def _beside_the_root(stiffness: Scalar, softening: Scalar, force: Scalar) -> Array:
     """An amplitude from which Newton's steps go to a root of s a - 3/4 b a^3 = F without turning.
 
-    That of the linear motion, F/s, while there is a root on its side; beyond the jump, where s and
-    b have one sign and 81 |b| F^2 > 16 |s|^3, one further out than the only root."""
+    The amplitude of the linear motion, F/s, while there is a root on its side; beyond the jump,
+    where s and b have one sign and 81 |b| F^2 > 16 |s|^3, one further out than the only root."""
     s, b, force = jnp.broadcast_arrays(stiffness, softening, force)
     s3 = jnp.abs(s) ** 3
     alone = (s * b >= 0.0) & (81.0 * jnp.abs(b) * force**2 > 16.0 * s3)

@@ -113,7 +113,7 @@ def _bound_to_save(
 
 
 def carries(settings: LoopSettings) -> bool:
-    """Whether the method may carry values from step to step. Those of diffrax begin anew, because
+    """Whether the method may carry values from step to step. Methods of diffrax restart, because
     the steps differ in their length."""
     return isinstance(settings.method, AbstractDeclaredSolver)
 

@@ -36,7 +36,7 @@ class IndividualReplay(Replay):
         done = self._landed(n)
         segment = Segment.of(field, self.settings, y.segment)
         # Written out, the stages of many runs take three times as long to compile, and save 0.3 of
-        # the time of a gradient. Those of a single run compile as soon.
+        # the time of a gradient. Segments of a single run compile equally fast.
         z = attempt(form, *segment, y.z, h, in_loop=h.ndim > 0).z
         y = IndividualState(jnp.where(h != 0.0, z, y.z), y.segment)
         return jax.lax.cond(

@@ -156,7 +156,7 @@ def _jvp_of(function: Program, values: PyTree, given: PyTree) -> tuple[PyTree, P
 
 def _tangents_of(run: AnyIntegration, tangents: PyTree) -> tuple[Tangents, Moving]:
     """The tangents of field and initial state, and which arrays have one."""
-    # Those of the settings are zero, and counters have none.
+    # Derivatives of the settings are zero, and counters have none.
     given = eqx.filter((tangents.field, tangents.y0), eqx.is_inexact_array)
     return given, moving_in((run.field, run.y0), given)
 

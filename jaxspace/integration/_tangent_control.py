@@ -144,7 +144,7 @@ class TangentControl(eqx.Module):
         controlled = jax.vmap(tolerance.alive)(state.tangents) & counts & state.always
         control = jnp.max(jnp.where(controlled, ratios, 0.0), axis=0)
         errors = jax.tree.map(jnp.maximum, state.errors, errors)
-        # Selected here and not beside the state of the loop, because most steps come without it.
+        # Selected here and not with the state of the loop, because most steps do without it.
         taken = due & (control <= 1.0)
         tangents, sizes, errors = jax.tree.map(
             lambda new, old: jnp.where(taken, new, old),

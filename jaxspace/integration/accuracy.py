@@ -138,7 +138,7 @@ class Accuracy(AbstractParameters):
             name = self.method.__name__
             raise InputError(f"Accuracy.method is the class {name}: it must be a solver, {name}().")
         elif isinstance(self.method, diffrax.AbstractSolver) and self.max_step is not None:
-            # A placeholder of a tree transformation is no solver, and passes.
+            # A placeholder of a tree transformation is not a solver, and passes.
             if solver_traits(self.method).fixed_step:
                 name = type(self.method).__name__
                 raise InputError(

@@ -43,8 +43,8 @@ def first_event(
 
     `start_known`, for a run that goes on after events: the known state of each condition at `t0`.
     Infinite where it is a zero at which the event has acted, which is then no event even with
-    `Event.at_start`; minus infinity where it is no zero, however small; 0 where the search decides,
-    by the rounding of the condition."""
+    `Event.at_start`; minus infinity where it is not a zero, however small; 0 where the search
+    decides, by the rounding of the condition."""
     system, y0, t0, t1, events = jax.tree.map(fixed, (system, y0, t0, t1, events))
     # No adjoint, because nothing is differentiated.
     config = dataclasses.replace(config, adjoint=None)

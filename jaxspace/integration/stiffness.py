@@ -122,7 +122,7 @@ def of_each(starts: InitialConditions, function: Callable[..., PyTree], given: A
     picked = (*batch, ts)
     axes = jax.tree.map(lambda n: 0 if n else None, starts.run_axes)
     given = given.astype(jnp.result_type(*jax.tree.leaves(starts.runs[1])))
-    # Leaves that are no arrays, such as a user's functions, cannot pass through a map.
+    # Leaves other than arrays, such as a user's functions, cannot pass through a map.
     arrays, static = eqx.partition(picked, eqx.is_array)
     axes, _ = eqx.partition(axes, jax.tree.map(eqx.is_array, picked))
 

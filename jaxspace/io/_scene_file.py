@@ -330,7 +330,7 @@ class SceneFile(FileContent):
         """The text of the file with the design variables replaced by an optimum of
         `optimize_design`, preserving comments and units. Raises `InputError` without [optimize]."""
         if self.task is None:
-            raise InputError("optimize is missing: there are no design variables.")
+            raise InputError("optimize is missing: no design variables are defined.")
         values = {path: float(x) for path, x in optimum.x.items()}
         return with_numbers(self, self.task, values)
 

@@ -58,7 +58,7 @@ class WrittenUnits:
     def add(self, path: str, si: str, unit: str) -> None:
         """The number at `path`, whose unit in SI is `si`, is written in `unit`."""
         self.of_keys.setdefault((_key(path), si), unit)
-        # Pure numbers are no kind, because the unit of one is no unit for another.
+        # Dimensionless numbers are not a kind, because their units are not interchangeable.
         if si:
             self.of_kinds.setdefault(si, unit)
 

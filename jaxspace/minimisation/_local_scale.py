@@ -33,7 +33,8 @@ from ._sqp_state import Limits, Values
 ALLOWED = 1e2
 # By how much more than needed the weights grow.
 BEYOND = 10.0
-# Relative length of the displacement: short beside the unknowns, long beside their rounding.
+# Relative length of the displacement: short compared with the unknowns, long compared with their
+# rounding.
 DISPLACEMENT = 1e-3
 # At a minimum without curvature every judgement leads closer; this many bring enough digits.
 MOST_JUDGEMENTS = 12

@@ -201,7 +201,7 @@ class Comparison(NamedTuple):
     """The end of a pending step compared with the prediction of its programme.
 
     - `at`: values and derivatives at the end; `c`, `d`: constraints of the model there.
-    - `ratio`: the decrease of phi over that of the model; -1 where there is no finite step.
+    - `ratio`: the decrease of phi over that of the model; -1 without a finite step.
     - `predicted`, `noise`: decrease of the model, and its rounding.
     - `finite`: whether the end and the programme are."""
 
@@ -247,7 +247,7 @@ def _next_radius(s: SqpState, ratio: Scalar, take: Flag, curved: Flag) -> Scalar
 
     The ratios 0.25 and 0.75 and the doubling are those of Fletcher, 5.1."""
     p, _, _, solved = s.pending
-    # Where the programme was not solved there is no step, and only the radius shrinks.
+    # Where the programme was not solved no step is taken, and only the radius shrinks.
     length = jnp.where(solved, jnp.max(jnp.abs(p)), s.radius)
     grow = (ratio > 0.75) & (length > 0.8 * s.radius)
     # No more than a fraction of the step's length: with a larger radius the same step would be

@@ -96,7 +96,7 @@ def _least(
             chaser, target, departure, arrival, mu, revolutions=revolutions, low=low
         )
         total = norm(transfer.departure) if intercept_only else transfer.total
-        # Where there is no transfer, the line search turns back.
+        # Without a transfer the line search backtracks.
         total = jnp.where(jnp.isfinite(total), total / speed, jnp.inf)
         bounds = []
         if earliest is not None:

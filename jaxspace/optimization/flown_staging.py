@@ -202,7 +202,7 @@ def _search(
         bounds=(low, high),
         scale=scale,
         tolerance=tolerance,
-        # The phases end where steps do: there are no kinks that a gradient could miss.
+        # The phases end where steps do: a gradient cannot miss kinks.
         check_gradient=False,
         # A flight in so few steps is cheap to differentiate twice.
         exact_hessian=optimiser == SQP,

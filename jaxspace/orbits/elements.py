@@ -242,7 +242,7 @@ def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> Class
 
     An eccentricity below 8 roundings is noise and counts as zero. Undefined angles and their
     derivatives are zero: on a circle and at the equator the derivatives of the elements do not lead
-    back to those of the state (see the module and the manual on singularities). Those of
+    back to those of the state (see the module and the manual on singularities). The derivatives of
     `ModifiedEquinoctialElements` do.
 
     **Arguments**

@@ -56,7 +56,7 @@ class LowThrust(AbstractEffect):
         return Load(acceleration_N=scale(size, unit(y.velocity)))
 
     def scaled(self, factor: Scalar) -> "LowThrust | None":
-        # With an exhaust velocity the load is no multiple of the acceleration.
+        # With an exhaust velocity the load is not a multiple of the acceleration.
         if self.exhaust_velocity is not None:
             return None
         return LowThrust(factor * self.acceleration)

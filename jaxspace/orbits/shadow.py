@@ -128,7 +128,7 @@ def shadow_event(
 def _hidden_part(a: Scalar, b: Scalar, c: Scalar) -> Scalar:
     """Part of a disk of the radius `a` behind one of the radius `b` at the distance `c`."""
     alpha, beta = _half_angles(a, b, c)
-    # In the umbra all of it, to the last bit: the rest is no negative light.
+    # In the umbra all of it, to the last bit, so that the light is never negative.
     return jnp.minimum((_segment(alpha) + (b / a) ** 2 * _segment(beta)) / jnp.pi, 1.0)
 
 

@@ -62,7 +62,7 @@ def third_body_potential(r: Vector, s: Vector, mu: Scalar) -> Scalar:
     size, rise = dot(r, r) * per_s, dot(r, s) * per_s
     q = dot(r, r - 2.0 * s) * per_s
     root = sqrt(1.0 + q)
-    # 1/d - 1/|s| = -q / (|s| root (1 + root)): the difference is formed as such; beside the centre
+    # 1/d - 1/|s| = -q / (|s| root (1 + root)): the difference is formed as such; near the centre
     # also what the rise, (size - q)/2, leaves of it.
     far = q / (root * (1.0 + root)) + rise
     near = 0.5 * size - 0.5 * q * q * (root + 2.0) / (root * (1.0 + root) ** 2)

@@ -274,6 +274,6 @@ def contributors_or_none(dispersion: "Dispersion", name: str, count: int) -> "Co
         result = dispersion.contributors(name, count)
     except ValueError:
         return None
-    # What shows as 0.0 % is no contributor.
+    # An input shown as 0.0 % is not a contributor.
     shares = {name: share for name, share in result.shares.items() if share >= LEAST_SHARE}
     return result._replace(shares=shares) if shares else None

@@ -90,7 +90,7 @@ def bent(phase: "Trajectory", shown: Shown) -> bool:
         second = 2.0 * np.abs(np.diff(slope, axis=1)) / np.fmax(h[1:] + h[:-1], TINY)
         off = 0.125 * np.fmax(h[1:], h[:-1]) ** 2 * second
         allowed = _allowed(name, y, VISIBLE / LINE, _noise(phase))
-        # NaN, where a run failed, is no curvature.
+        # NaN, where a run failed, is not a curvature.
         if np.any(off > allowed[:, 1:-1]):
             return True
     return False

@@ -171,7 +171,7 @@ def _largest_turn(rate: np.ndarray, h: np.ndarray) -> float:
     """The largest turn between two times, rad, by the size of the angular velocity, (times, runs).
 
     `h`: s, (times - 1, runs or 1)."""
-    # NaN, where a run failed, is no turn.
+    # NaN, where a run failed, is not a turn.
     return float(np.fmax.reduce((np.abs(h) * np.fmax(rate[1:], rate[:-1])).reshape(-1)))
 
 

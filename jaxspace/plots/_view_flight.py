@@ -53,7 +53,7 @@ def burns(mass: np.ndarray | None) -> np.ndarray | None:
     if mass is None:
         return None
     change = np.diff(mass, append=mass[-1])
-    # A stage that is dropped between two frames is no burn: it goes from one frame to the next.
+    # A stage dropped between two frames is not a burn: its mass is lost from one frame to the next.
     lit = (change < 0.0) & (change > -0.2 * mass)
     return lit if np.any(lit) else None
 

@@ -1,4 +1,4 @@
-"""A run as a page that moves: body, wheels and orbit in three dimensions, with their traces."""
+"""An animated page of a run: body, wheels and orbit in three dimensions, with their traces."""
 
 import os
 import tempfile

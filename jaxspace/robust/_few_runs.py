@@ -194,7 +194,7 @@ def _backwards(runs_at: RunsAt, x: Array, places: Array, rows: Array) -> tuple[P
 
 def _chosen(weights: Float[Array, "groups own runs"], size: int) -> _Chosen:
     """The runs with a weight in any row of a group."""
-    # What is no number counts: it must reach the result.
+    # NaN counts: it must reach the result.
     counts = jnp.any(weights != 0.0, axis=1)
     order = jnp.argsort(~counts, axis=1, stable=True)
     # Copies of the first one fill the last block: another run may have failed.

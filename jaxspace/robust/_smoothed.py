@@ -33,7 +33,7 @@ from ..core import Scalar
 BANDWIDTH = 1.3 * float(np.sqrt(np.pi / 2.0))
 # Half the kernel of a quantile, in standard errors of its rank: twenty runs beyond it hold it.
 HALF_WIDTH = 4.0
-# Units of rounding up to which a width is no scatter.
+# Units of rounding up to which a width counts as zero dispersion.
 NOISE = 4096.0
 # Newton's steps for a quantile and its width, from order statistics.
 NEWTON_STEPS = 16

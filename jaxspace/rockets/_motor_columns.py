@@ -159,7 +159,7 @@ def _point(path: Path, number: int, line: str, layout: Layout) -> Point:
 
 def _layout(path: Path, heads: list[Head], width: int) -> Layout:
     """The columns of time and thrust in rows of `width` columns, from the lines before them."""
-    # The last one that is no comment, then the last comment.
+    # The last line other than a comment, then the last comment.
     for head in sorted(reversed(heads), key=lambda head: head.comment):
         headings = [_heading(field) for field in head.fields]
         columns = _column(headings, TIME), _column(headings, THRUST)

@@ -129,7 +129,7 @@ def _rasp(path: Path, lines: list[str]) -> tuple[Head, list[Point]]:
             break
         else:
             values = numbers(fields)
-            # Three numbers are no head: to take two of them might take the wrong ones.
+            # Three numbers are not a header: picking two of them might pick the wrong ones.
             if values is None or len(values) != 2:
                 raise wrong_line(path, number, line, "a time, s, and a thrust, N")
             points.append(Point(number, *values))

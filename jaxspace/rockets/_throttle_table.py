@@ -40,7 +40,7 @@ class ThrottleTable(AbstractParameters):
                 "the same number of each, at least two."
             )
         if is_concrete(self.times):
-            # Between two infinite times there is no step, which is refused as well.
+            # The difference of two infinite times is NaN, which is rejected as well.
             with np.errstate(invalid="ignore"):
                 steps = np.diff(np.asarray(self.times), axis=0)
             check(steps > 0.0, "ThrottleTable.times", self.times, "ascending")

@@ -83,7 +83,7 @@ def to_euler_angles(attitude: Quaternion, sequence: str = "313") -> Vector:
     c = attitude.matrix()
     if i == k:
         first = safe_atan2(c[j, i], -sign * c[n, i])
-        # By both of its sides: an arc cosine loses half of the digits beside the singular position.
+        # From both of its sides: an arc cosine loses half of the digits near the singular position.
         middle = safe_atan2(safe_sqrt(c[j, i] ** 2 + c[n, i] ** 2), c[i, i])
     else:
         first = safe_atan2(-sign * c[j, k], c[k, k])

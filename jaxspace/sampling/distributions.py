@@ -137,7 +137,7 @@ class Normal(AbstractDistribution):
 
     def outside(self, low: float, high: float) -> float:
         mean, deviation = float(self.mean), float(self.deviation)
-        # Allowed, so that a study can switch one input off; there is no tail to integrate then.
+        # Allowed, so that a study can switch one input off; without a tail to integrate.
         if deviation == 0.0:
             return float(not low <= mean <= high)
         below, above = (mean - low) / deviation, (high - mean) / deviation

@@ -101,7 +101,7 @@ class Custom(AbstractEffect):
             return
         power, change, size = (np.asarray(x) for x in _power(self, t, y, body))
         known = np.isfinite(power + change)
-        # Of each number below: a root of the rounding would be 1e-8, and tables are no better.
+        # Of each number below: a root of the rounding would be 1e-8, as for tables.
         allowed = 1e-6 if power.dtype == np.float64 else 1e-3
         wrong = known & (np.abs(power + change) > allowed * size)
         if np.any(wrong):

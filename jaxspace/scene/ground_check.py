@@ -111,7 +111,7 @@ def _lowest_passed(
     climb = (x * v).sum(axis=0)
     v2 = (v * v).sum(axis=0)
     alpha = 2.0 / r - v2 / mu
-    # A radius that is near to that of the ground is no difference of large numbers here.
+    # A radius close to that of the ground is not a difference of large numbers here.
     p = (r * r * v2 - climb * climb) / mu
     q = p / (1.0 + np.sqrt(np.maximum(1.0 - p * alpha, 0.0)))
     # Most runs need no times: each of their orbits lies above.

@@ -237,7 +237,7 @@ def _named(state: PyTree) -> dict[str, Array]:
 
 def _belongs(block: str, name: str) -> bool:
     """Whether a block has this name, or is part of one that has it."""
-    # With the dot, because "wheels" is no part of "wheels_left".
+    # With the dot, because "wheels" is not a part of "wheels_left".
     return block == name or block.startswith(f"{name}.")
 
 

@@ -89,7 +89,7 @@ class Instant(NamedTuple):
             value, slope = event.slope(system, *arrays)
             before = self.events.slopes[number]
             kept.append(jnp.abs(value - self.events.values[number]) <= self.events.limits[number])
-            # The quotient of two slopes that are roundings is no derivative.
+            # The quotient of two slopes of rounding size is not a derivative.
             least = float(jnp.finfo(slope.dtype).eps) ** 0.5
             ahead.append((slope * before > 0.0) & (jnp.abs(slope) > least * jnp.abs(before)))
         new = self._replace(

@@ -91,7 +91,7 @@ def restarts_of(
 
 def last_finite(states: State) -> int:
     """The number of the last time, before the first one at which some component is not finite;
-    components lead, then times."""
+    components first, then times."""
     leaves = [np.asarray(x) for x in jax.tree.leaves(states)]
     good = [np.all(np.isfinite(x), axis=tuple(range(x.ndim - 1))) for x in leaves]
     bad = np.flatnonzero(~np.all(good, axis=0))

@@ -207,7 +207,7 @@ def begun(now: Measured, rtol: Rtol | float, least: float) -> Search:
         infinite,
         infinite,
         (rtol, now.good, now.evaluations),
-        # That of a closed form, for which there is no other run.
+        # The error of a closed form, without another run.
         jnp.ones_like(infinite),
         jnp.zeros_like(now.good),
         jnp.asarray(1),

@@ -183,7 +183,7 @@ _by_program = mlir.lower_fun(_raised_by_program, multiple_results=True)
 
 
 def _lowered(context: mlir.LoweringRuleContext, status: object, *arrays: object) -> object:
-    # An exported program runs where there is no Python: the numbers of its failed runs are NaN.
+    # An exported program runs without Python: the numbers of its failed runs are NaN.
     if context.module_context.lowering_parameters.for_export:
         return arrays
     return _by_program(context, status, *arrays)

@@ -80,7 +80,7 @@ def warn_after(result: Result, stacklevel: int) -> Result:
 
 def _warned(run: Trajectory, stacklevel: int) -> Array | None:
     """Issue the warning of a run; the runs of which it warns, (*runs,), or `None`."""
-    # Those of a traced system are traced, too.
+    # Warnings of a traced system are traced, too.
     if is_traced((run.ts, run.states)):
         return None
     # By its class: the method of an instance is a module of its own, slow to make.

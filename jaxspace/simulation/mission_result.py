@@ -145,7 +145,7 @@ class MissionTrajectory(HashedModule):
         return MissionTrajectory(*parts, self.branch_names)
 
     def show(self, path: "str | os.PathLike[str] | None" = None) -> "Path":
-        """Open the mission in the browser as a page that moves (`jaxspace.plots.view_page`)."""
+        """Open an animated 3-D view of the mission in the browser (`jaxspace.plots.view_page`)."""
         # Imported here, so that only a mission that is shown needs the plots.
         from ..plots import show_run
 

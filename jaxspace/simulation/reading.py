@@ -91,7 +91,7 @@ class AbstractRun(HashedModule):
         return self.trajectory.plot()
 
     def show(self, path: "str | os.PathLike[str] | None" = None) -> "Path":
-        """Open the run in the browser as a page that moves (`Trajectory.show`)."""
+        """Open an animated 3-D view of the run in the browser (`Trajectory.show`)."""
         return self.trajectory.show(path)
 
     def _summary(self) -> Summary:

@@ -350,7 +350,7 @@ class Trajectory(HashedModule):
         return trajectory_figure(self)
 
     def show(self, path: "str | os.PathLike[str] | None" = None) -> "Path":
-        """Open the run in the browser as a page that moves (`jaxspace.plots.view_page`)."""
+        """Open an animated 3-D view of the run in the browser (`jaxspace.plots.view_page`)."""
         from ..plots import show_run
 
         return show_run(self, path)

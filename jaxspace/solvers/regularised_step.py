@@ -131,7 +131,7 @@ def _second_order_attempt(
     q, p, held = barrier((z[:n], z[n : 2 * n], form.held(z)))
     c, a = tableau.RKN1210_C, tableau.RKN1210_A
     ks, rates = [], []
-    # The part of the time that is no function of q and p is integrated as a velocity: its rate
+    # The part of the time that is not a function of q and p is integrated as a velocity: its rate
     # depends on q alone, and no rate depends on it.
     if in_loop:
         ks, rates = stage_loop(

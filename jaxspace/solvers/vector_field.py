@@ -21,7 +21,7 @@ from ..core.jit import quick_jit
 class ScaledField(Protocol):
     """The `args` of a step: the vector field in normalised time, and the parts of it.
 
-    Most methods only evaluate it. Those that integrate with a capability of the system use the
+    Most methods only evaluate it. Methods that integrate with a capability of the system use the
     capability, which expects times and durations in seconds."""
 
     def __call__(self, s: Scalar, y: State) -> State:

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-# Differences up to this many units of rounding are no scatter: they come from sums over the steps.
+# Differences up to this many units of rounding are not dispersion: they come from sums over the
+# steps.
 NOISE = 4096.0
 
 

@@ -114,7 +114,7 @@ def quantile(x: np.ndarray, share: float) -> float:
     part = place - k
     if part == 0.0 or below == above:
         return below
-    # Between minus and plus infinity there is no interpolation: the nearer one is taken.
+    # Interpolation between minus and plus infinity is undefined: the nearer one is used.
     if np.isinf(below) and np.isinf(above):
         return below if part < 0.5 else above
     if np.isinf(below) or np.isinf(above):

@@ -46,7 +46,7 @@ def warning_of(mean: float, std: float, x: np.ndarray) -> str:
     if not scatters(x):
         grain = NOISE * float(np.finfo(float).eps) * float(np.max(np.abs(x)))
         same = max(abs(mean - sample_mean), std) <= grain
-        return "" if same else f"{result}: there is no dispersion."
+        return "" if same else f"{result}: no dispersion."
     off = (mean - sample_mean) / spread
     more = std / spread - 1.0
     error_of_mean, error_of_std = standard_errors(x)

@@ -73,7 +73,7 @@ def ellipsoid(values: ArrayLike, probability: float = 0.99) -> Ellipsoid:
     centre = np.mean(x, axis=1)
     u, size, _ = np.linalg.svd((x - centre[:, None]) / scale, full_matrices=False)
     root = scale * u * (size / np.sqrt(x.shape[1] - 1))
-    # The axes of the scaled problem are no axes in the units of the outputs: a second, small one.
+    # The axes of the scaled problem are not axes in the units of the outputs: a second, small one.
     u, size, _ = np.linalg.svd(root)
     k2 = 2.0 * float(gammaincinv(0.5 * len(x), probability))
     # A pseudo-inverse: outputs may depend on each other, and the ellipsoid is then flat.

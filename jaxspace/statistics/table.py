@@ -83,7 +83,7 @@ class Row(NamedTuple):
 
 def row_of(name: str, unit: str, x: np.ndarray, runs: np.ndarray) -> Row:
     """The row of a quantity with these values, those of all good runs, whose numbers are `runs`."""
-    # In double precision, so that the moments of many runs of single precision lose nothing.
+    # In double precision, so that the moments of many runs of single precision are accurate.
     runs = runs[~np.isnan(x)]
     known = x[~np.isnan(x)].astype(float)
     undefined = x.size - known.size

@@ -58,7 +58,7 @@ def array_names(folder: Path) -> list[str]:
         found = json.loads(read_head(folder)[0])["consolidated_metadata"]["metadata"]
     except (*UNREADABLE, StoreError, LookupError, TypeError):
         return []
-    # Names that are paths are no arrays of a store, and may lead out of it.
+    # Names that are paths are not arrays of a store, and may point outside of it.
     return [name for name in found if not file_name_fault(name)] if isinstance(found, dict) else []
 
 

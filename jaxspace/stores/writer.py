@@ -168,7 +168,7 @@ class StoreWriter:
         root = json.loads(read_head(store.folder)[0])
         heads = root["consolidated_metadata"]["metadata"]
         # A process that was killed where a campaign ended has shortened the head and not yet all
-        # arrays: that is no damage.
+        # arrays: this is not corruption.
         unended = [n for n in store.damaged_arrays if is_longer(store.folder, n, heads[n])]
         for damage in store.metadata_damages(but_for=unended):
             warnings.warn(f"{store.path}: {damage}", DamagedStore, stacklevel=2)

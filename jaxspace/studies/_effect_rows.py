@@ -43,7 +43,7 @@ def influence_of(
     result = runs.change(without.value, nominal)
     left_out = float(np.linalg.norm(result))
     off = float(np.linalg.norm(result - predicted))
-    # A difference that the error of the integration explains is no sign of nonlinearity.
+    # A difference explained by integration errors does not indicate nonlinearity.
     nonlinear = off > NONLINEAR * left_out and not off <= 10.0 * noise
     change = tuple((result if nonlinear else predicted).ravel().tolist())
     influence = left_out if nonlinear else linear

@@ -55,8 +55,8 @@ class Blocks(NamedTuple):
         for (path, block), k in zip(paths, map(_first_leaf, axes), strict=True):
             name = jax.tree_util.keystr(path, simple=True, separator=".")
             if on_group(block):
-                # Three for a quaternion of four numbers: the fourth is no direction in which it can
-                # move.
+                # Three for a quaternion of four numbers: the fourth is not a direction in which it
+                # can move.
                 shape = jax.eval_shape(lambda b=block: b.coordinates()).shape[:1]
             else:
                 shape = block.shape[:k] if k >= 0 else block.shape[: block.ndim - len(runs)]

@@ -141,7 +141,7 @@ def uncertain_mission(mission: Mission, noises: Sequence[PyTree]) -> Mission:
 
 def covariance_of(run: MissionTrajectory) -> MissionCovariance:
     """The covariance along a run of an `uncertain_mission`."""
-    # Without the last coordinate, the delay, which is no part of the state.
+    # Without the last coordinate, the delay, which is not part of the state.
     phases = tuple(phase.states.covariance[:-1, :-1] for phase in run.phases)
     P = run.final.covariance
     return MissionCovariance(phases, P[:-1, :-1], P[-1, -1])

@@ -158,7 +158,7 @@ class Modes(HashedModule):
         b, c = self.input_matrix[:, input : input + 1], self.output_matrix[output : output + 1]
         pencil = np.block([[np.asarray(self.matrix), np.asarray(b)], [np.asarray(c), np.zeros(1)]])
         # Stiff parts have entries of their frequency squared: in balanced units they have that of
-        # the frequency, and low zeros keep their digits beside them.
+        # the frequency, and low zeros retain their digits next to them.
         pencil = matrix_balance(pencil, permute=False)[0]
         weight = np.diag([1.0] * n + [0.0])
         # Of (P - s W) x = 0 about a place where P - s W is regular: 1/(s - place) are eigenvalues.

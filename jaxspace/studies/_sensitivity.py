@@ -250,7 +250,7 @@ def _derivatives(
             moved[n] = leaf
         near, start = jax.tree.unflatten(structure, moved)
         run = simulate_any(near, start, ts, **options)
-        # Leaves that are no arrays are passed around the transformations.
+        # Leaves other than arrays bypass the transformations.
         arrays, static = eqx.partition(run, eqx.is_array)
         held.append(static)
         return _parts(run), arrays

@@ -48,7 +48,7 @@ class Coordinates(NamedTuple):
         for block, k in zip(blocks, firsts[:-1], strict=True):
             name, axes = names[int(k)], counts[int(k)]
             if on_group(block):
-                # Its coordinates are no field of it.
+                # Its coordinates are not a field of it.
                 name = name.rpartition(".")[0] or name
             shape = jnp.shape(jax.tree.leaves(block)[0])
             # JAX would give a whole number tangents of the class float0, of which no matrix is

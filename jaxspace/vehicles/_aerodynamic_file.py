@@ -96,7 +96,7 @@ def _sheet(path: str, text: str) -> Sheet:
     """The names of the columns and the rows below them."""
 
     def is_heading(fields: list[str]) -> bool:
-        # A title such as "Mach" has no column beside it.
+        # A title such as "Mach" has no adjacent column.
         return len(fields) > 1 and any(_name(f) in ("mach", "mach number") for f in fields)
 
     def is_note(fields: list[str]) -> bool:

@@ -152,7 +152,7 @@ def _csv(path: str, lines: list[str]) -> Levels:
     """The levels of a CSV file with a heading."""
 
     def is_heading(fields: list[str]) -> bool:
-        # A title with the word has no column beside it.
+        # A title with the word has no adjacent column.
         return len(fields) > 1 and any(_meaning(field)[0] == "height" for field in fields)
 
     def is_note(fields: list[str]) -> bool:

@@ -324,7 +324,7 @@ class Vehicle(AbstractParameters):
         return self.axial_factor * self.area
 
     def _motor(self, control: AttitudeControl | Gimbal | None) -> AbstractEffect:
-        # A torque of control is an effect beside the motor; a gimbal turns the motor itself.
+        # A control torque is an effect separate from the motor; a gimbal turns the motor itself.
         if not isinstance(control, Gimbal):
             return self.motor
         if self.exit_station is None:

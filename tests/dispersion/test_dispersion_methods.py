@@ -195,7 +195,7 @@ def test_the_sample_is_as_large_as_it_must_be():
         (np.nan, np.nan, NORMAL_VALUES, "not smooth at the nominal run"),
         (0.0, 1.0, np.append(NORMAL_VALUES, np.nan), "1 of 1001 runs fail"),
         (3.0, 0.0, np.full(9, 3.0), ""),
-        (3.0, 0.5, np.full(9, 3.0), "there is no dispersion"),
+        (3.0, 0.5, np.full(9, 3.0), "no dispersion"),
         (3.0, 0.5, np.zeros(0), ""),
     ],
 )

@@ -94,7 +94,7 @@ def test_files_without_end_are_not_read(tmp_path, monkeypatch):
     scene, named = tmp_path / "scene.toml", tmp_path / "values.txt"
     os.mkfifo(tmp_path / "pipe")
     for name in ("/dev/zero", "pipe"):
-        assert "it is no regular file" in refusal(scene, DRIFT.replace("NAMED", name))
+        assert "it is not a regular file" in refusal(scene, DRIFT.replace("NAMED", name))
     named.write_text("1.0\n" * 100)
     monkeypatch.setattr(_files, "LARGEST", 100)
     assert "at most 0 MB are read" in refusal(scene, DRIFT.replace("NAMED", named.name))
@@ -112,7 +112,7 @@ def test_files_without_end_are_not_read_from_python(tmp_path, monkeypatch, read,
     os.mkfifo(pipe)
     zero.symlink_to("/dev/zero")
     for path in (pipe, zero):
-        with pytest.raises(InputError, match=f"{path} cannot be read: it is no regular file"):
+        with pytest.raises(InputError, match=f"{path} cannot be read: it is not a regular file"):
             read(path)
     long.write_text("1.0\n" * 100)
     monkeypatch.setattr(_files, "LARGEST", 100)

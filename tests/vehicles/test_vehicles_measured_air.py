@@ -295,7 +295,7 @@ def test_wrong_soundings_are_refused_with_file_and_line(tmp_path):
     assert "the unit of speed is 'furlong'" in changed("(m/s)", "(furlong)")
     assert "no heading with a height" in refusal("a,b\n1,2\n")
     assert "no level of an atmosphere or a wind" in refusal("height (m),speed (m/s)\n1,2\n")
-    with pytest.raises(InputError, match="it is no regular file"):
+    with pytest.raises(InputError, match="it is not a regular file"):
         read_sounding("/dev/null")
     path.write_text("height (m),direction (deg),speed (knot)\n0,0,5\n900,0,8\n")
     with pytest.raises(InputError, match="0 levels with a pressure"):

@@ -47,7 +47,7 @@ def missing_module(data: Mapping[str, object], given: Iterable[NamedFile]) -> st
     `given`: the modules that the caller allows to run."""
     names = [module.path.name for module in given]
     needed = data.get("modules")
-    # A value that is no list of texts is reported when it is read.
+    # A value other than a list of texts is reported when it is read.
     for k, name in enumerate(needed if isinstance(needed, list) else []):
         if isinstance(name, str) and Path(name).name not in names:
             return (

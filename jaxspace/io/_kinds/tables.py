@@ -121,7 +121,7 @@ class Object(Kind):
             return line
         required = set(_required(self.ways[best].entries))
         others = [_required(w.entries) for k, w in enumerate(self.ways) if k != best]
-        # A way with fewer keys than this one is no alternative.
+        # A form with fewer keys than this one is not an alternative.
         others = [" with ".join(keys) for keys in others if keys and not set(keys) <= required]
         text = f"; alternatively give {', or '.join(dict.fromkeys(others))}" if others else ""
         return line.removesuffix(".") + text + "."

@@ -47,7 +47,7 @@ def build_mission(
     body = building.make("body")
     effects = building.effects(file.active_effects())
     initial = build_state(file, building)
-    # A constant mass is no part of the state, because every part is integrated.
+    # A constant mass is not part of the state, because every part is integrated.
     if file.changes_mass:
         mass = runs.scalar(body.loaded_mass())
         initial = eqx.tree_at(lambda y: y.mass, initial, mass, is_leaf=lambda x: x is None)

@@ -72,7 +72,7 @@ class Building(NamedTuple):
         return maker.make(**arguments)
 
     def effects(self, names: Iterable[str]) -> dict[str, AbstractEffect]:
-        """The effects of these names. Those that refer to another one are made last."""
+        """The effects of these names. Effects that refer to another one are created last."""
         made: dict[str, AbstractEffect] = {}
         makers = {name: self.makers[f"effects.{name}"] for name in names}
         # Those without references first; one level is enough, because no reference has references.

@@ -29,7 +29,7 @@ class OutputList(Kind):
     for a requirement `at_least`, `at_most`, the share of the runs that may violate it (`allowed`)
     and the `confidence` of its verdict."""
 
-    # Those that may be numbers without a unit.
+    # Keys whose values may be numbers without a unit.
     NUMBERS = ("at_least", "at_most", "allowed", "confidence")
     KEYS = ("output", "at", "take", "unit", "name", *NUMBERS)
 
@@ -239,7 +239,7 @@ def unit_of(spec: OutputSpec, file: Parsed) -> str:
 
 def _places(file: Parsed, take: str = "") -> dict[str, int]:
     """The places at which an output can be taken: the end, or the end of a phase before its jump;
-    an extreme along the whole run, or along a phase. Those of a branch have its name before
+    an extreme along the whole run, or along a phase. Names of a branch have its name before
     theirs."""
     whole = RUN if take else FINAL
     ends = {whole: -1}
@@ -300,7 +300,7 @@ def applicable_outputs(file: Parsed, units: WrittenUnits) -> tuple[OutputSpec, .
     for name, function in file.catalog.outputs.items():
         # A comparison of the nominal run with itself is zero.
         compares = {NOMINAL, "initial"} & set(arguments_of(function))
-        # Over flat ground the origin is no centre.
+        # Over flat ground the origin is not a centre.
         compares |= {name} & set(ABOUT_A_CENTRE) if file.kind == "flight" else set()
         # What a body feels is of interest along a run, and takes a trace of all loads.
         compares |= {"scene"} & set(arguments_of(function))

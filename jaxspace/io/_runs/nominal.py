@@ -119,7 +119,7 @@ def warned_of_ground(run: Result, values: Values, stacklevel: int) -> Result:
 def _words(phase: Trajectory, mu: float, radius: float) -> str:
     """A warning message about a phase that passes below the surface; empty if it stays above."""
     parts = (phase.system, *getattr(phase.system, "effects", ()))
-    # Over flat ground the origin is no centre.
+    # Over flat ground the origin is not a centre.
     about_centre = any(hasattr(part, "mu") for part in parts)
     known = any(isinstance(e, AbstractEffect) and e.ground() is not None for e in parts)
     if not about_centre or known or not isinstance(phase.states, BodyState):

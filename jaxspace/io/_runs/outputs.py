@@ -92,7 +92,7 @@ class Outputs(eqx.Module):
     def to_check(self) -> "Outputs | None":
         """The outputs of user-defined functions, or `None` if there are none.
 
-        A campaign checks that the outputs of a run do not depend on other runs. Those of the
+        A campaign checks that the outputs of a run do not depend on other runs. Outputs of the
         library are tested for it, and left out to save the time of another trace."""
         own = __name__.partition(".")[0]
         given = tuple(

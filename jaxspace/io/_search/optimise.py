@@ -68,6 +68,6 @@ def size_of(free: Free) -> float:
     """The scale of a design variable, SI."""
     if free.scale is not None:
         return free.scale
-    # Without bounds there is no span: the number's own size stands in, at least one.
+    # Without bounds the magnitude of the number is used as the span, at least one.
     span = free.high - free.low
     return span if np.isfinite(span) else max(abs(float(free.start)), 1.0)

@@ -45,7 +45,7 @@ def replay_report(file: SceneFile, run: Replay, dispersion: Dispersion | None) -
     for name, phase in run.trajectory.items():
         first, last = (number(factor * float(t)) for t in (phase.ts[0], phase.ts[-1]))
         lines += ["", f"{name}: from {first} {clock} to {last} {clock}"]
-        # A controller changes what the system alone conserves, so that a drift is no error.
+        # A controller changes invariants of the system, so that a drift is not an error.
         drift = phase.drift() if phase.control is None else {}
         lines.append(aligned([*state_rows(phase.final, file.units), *drift_rows(drift)]))
     return "\n".join([*lines, "", f"{status_line(run.status)} {run.refusal}".rstrip()])
@@ -118,7 +118,7 @@ def _farthest(
     off = {
         name: (value - moments[name][0]) / moments[name][1]
         for name, value in inputs.items()
-        # An input that does not vary is no cause, and has no deviation to divide by.
+        # A constant input is not a cause, and has no standard deviation to divide by.
         if moments[name][1] > 0.0
     }
     most = sorted(off, key=lambda name: -abs(off[name]))[:count]

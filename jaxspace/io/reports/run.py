@@ -68,7 +68,7 @@ def final_error_rows(value: Value, run: Simulated | LoopRun) -> list[tuple[str, 
 
     **Arguments**
 
-    - `value`: that of `final_error`; without it there are no rows.
+    - `value`: that of `final_error`; no rows without it.
     - `run`: the nominal run."""
     if value is None or isinstance(run, LoopRun):
         return []
