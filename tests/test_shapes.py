@@ -18,7 +18,7 @@ TIMES, RUNS = 5, 4
 # Every case is a call that a wrong first axis must stop, with what the sentence names. They run in
 # an interpreter without the instrumentation of these tests, which would stop them before.
 CASES = {
-    "vectors.dot(rows, rows)": "dot: a has the shape (201, 3): its first axis must hold the 3 "
+    "vectors.dot(rows, rows)": "dot: a has the shape (201, 3): its first axis must have the 3 "
     "components (components first, then times, batch axis last).",
     "vectors.dot(v, rows)": "dot: b has the shape (201, 3)",
     "vectors.cross(rows, v)": "cross: a has the shape (201, 3)",
@@ -32,8 +32,7 @@ CASES = {
     "jax.jit(vectors.norm)(rows)": "norm: a has the shape (201, 3)",
     "jax.grad(lambda x: vectors.dot(x, x)[0])(rows)": "dot: a has the shape (201, 3)",
     "vectors.norm(jnp.ones(()))": "norm: a has the shape ()",
-    "Quaternion(jnp.ones((201, 4)))": "Quaternion.wxyz has the shape (201, 4): its first axis must "
-    "hold the 4 components",
+    "Quaternion(jnp.ones((201, 4)))": "Quaternion.wxyz has the shape (201, 4): its first axis must have the 4 components",
     "Quaternion.from_xyzw(jnp.ones((201, 4)))": "Quaternion.from_xyzw: xyzw",
     "Quaternion.from_matrix(jnp.ones((201, 3, 3)))": "Quaternion.from_matrix: m",
     "Quaternion.from_rotation_vector(rows)": "Quaternion.from_rotation_vector: angle_axis",

@@ -6,7 +6,7 @@
     m, m_d  mass, dry mass                                                   kg
     m_p     remaining propellant                                             kg
     J_d     inertia of the dry body about its own centre of mass             kg m^2
-    k       radii of gyration of the propellant about its own centre         m
+    k       radii of gyration of the propellant about its centre             m
     d       distance of the propellant's centre from the dry centre, along z m
 
 Source: Thomson 5.5 (parallel axes), 7.9 (rocket with constant radii of gyration).
@@ -124,7 +124,7 @@ class BurningBody(AbstractBody):
         doc="about the dry centre of mass: three principal moments, a tensor, or an inertia",
     )
     gyration_radii: Float[Array, "3 *#runs"] = quantity(
-        "m", non_negative=True, doc="radii of gyration of the propellant about its own centre"
+        "m", non_negative=True, doc="radii of gyration of the propellant about its centre"
     )
     propellant_station: NumberField = quantity(
         "m", default=0.0, doc="z of the propellant's centre, from the dry centre of mass"

@@ -54,7 +54,7 @@ class Detached(AbstractJump):
         "m", doc="d_i, of its centre of mass from that of the whole, in body axes"
     )
     kick: Float[Array, "3 *#runs"] = quantity(
-        "m/s", default=(0.0, 0.0, 0.0), doc="u_i, the velocity that springs give it, in body axes"
+        "m/s", default=(0.0, 0.0, 0.0), doc="u_i, separation velocity, in body axes"
     )
 
     def __call__(self, t: Scalar, y: BodyState) -> BodyState:

@@ -20,7 +20,7 @@ def file_name_fault(name: object, longest: int = LONGEST_NAME) -> str:
 
     `longest`: bytes that it may have."""
     if not isinstance(name, str) or not name or not is_printable(name):
-        return "text that can be printed"
+        return "printable text"
     if any(c in name for c in SEPARATORS):
         return f"one component of a path, without {' '.join(SEPARATORS)}"
     if name.startswith("."):
@@ -28,7 +28,7 @@ def file_name_fault(name: object, longest: int = LONGEST_NAME) -> str:
     if name.endswith((".", " ")):
         return "text that ends with neither a dot nor a space"
     if DEVICES.match(name):
-        return "another name than that of a device on Windows"
+        return "a name other than that of a Windows device"
     if len(name.encode(errors="replace")) > longest:
         return f"at most {longest} bytes long"
     return ""

@@ -115,7 +115,7 @@ class Quantity(NamedTuple):
         x = np.asarray(value)
         check(self.contains(x), name, x, self.allowed())
         if self.direction and x.ndim:
-            check(np.any(x != 0.0, axis=0), name, x, "of another length than zero")
+            check(np.any(x != 0.0, axis=0), name, x, "of non-zero length")
 
 
 def argument(

@@ -36,9 +36,9 @@ def check_components(name: str, x: object, count: int, axes: int = 1) -> None:
     if not isinstance(x, jax.Array | np.ndarray) or x.shape[:axes] == (count,) * axes:
         return
     held = (
-        f"its first axis must hold the {count} components"
+        f"its first axis must have the {count} components"
         if axes == 1
-        else f"its first two axes must hold the {count} x {count} components"
+        else f"its first two axes must have the {count} x {count} components"
     )
     raise InputError(f"{name} has the shape {x.shape}: {held} {RULE}.")
 

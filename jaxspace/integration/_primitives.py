@@ -29,7 +29,7 @@ Program: TypeAlias = Callable[..., PyTree]
 Arguments: TypeAlias = tuple[PyTree, ...]
 
 REVERSE_OF_DERIVATIVE = (
-    "Reverse mode of a second derivative of a run is not available: take jax.jacfwd of it."
+    "Reverse mode of a second derivative of a run is not available: use jax.jacfwd."
 )
 bind = eqxi.filter_primitive_bind
 

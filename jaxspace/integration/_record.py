@@ -231,7 +231,7 @@ def check_memory(what: str, steps: int, per_step: int) -> None:
     available = SHARE * memory()
     if size > available:
         raise InputError(
-            f"Accuracy.max_steps is {steps}: with room for all of them {what} would take "
+            f"Accuracy.max_steps is {steps}: with a capacity for all of them {what} would require "
             f"{size / 1e9:.0f} GB of memory; on this machine it must be at most "
             f"{int(available) // per_step}."
         )

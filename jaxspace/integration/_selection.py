@@ -108,7 +108,7 @@ def _is_eccentric(context: SelectionContext) -> bool:
 RULES = (
     Rule("the system has a closed form", lambda c: has_closed_form(c.system), "closed_form"),
     Rule(
-        "slow beside a fast linear motion or decay, over more than 1e4 of its radians",
+        "slow compared with a fast linear motion or decay, over more than 1e4 of its radians",
         _is_fast_and_linear,
         STIFF,
     ),
@@ -119,7 +119,7 @@ RULES = (
         REGULARISED,
     ),
     Rule(
-        "r' = v, v' = a(t, r), and nothing else moves",
+        "r' = v, v' = a(t, r), without further variables",
         lambda c: is_second_order(c.system, c.y),
         SECOND_ORDER,
     ),

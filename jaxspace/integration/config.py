@@ -216,7 +216,7 @@ def check_countable(max_steps: int) -> None:
     if max_steps <= 2**31 - 1:
         return
     most = jnp.iinfo(jnp.result_type(int)).max
-    allowed = f"at most {most}, to which JAX counts"
+    allowed = f"at most {most}, the limit of JAX"
     if not jax.config.read("jax_enable_x64"):
         allowed += " without jaxspace.enable_x64()"
     check(max_steps <= most, "Accuracy.max_steps", max_steps, allowed)

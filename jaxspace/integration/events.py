@@ -107,13 +107,13 @@ class Event(HashedModule):
         _check_count("capacity", self.capacity, 1)
         if self.terminal and self.then is not None:
             raise InputError(
-                "Event.then is given with terminal=True: after the jump the run goes on, so that "
+                "Event.then is given with terminal=True: the run continues after the jump, so "
                 "terminal must be False."
             )
         if self.passed is not None and (self.direction == 0 or self.touch is not None):
             raise InputError(
                 "Event.passed is given without a direction or with a touch: direction must be 1 or "
-                "-1, for it says on which side of the zero a run is beyond it."
+                "-1, because it defines the side beyond the zero."
             )
         check_positive("Event.within", self.within)
         check_positive("Event.touch", self.touch)

@@ -159,8 +159,8 @@ class PowerLawForce(AbstractEffect):
         "m",
         positive=True,
         default=1.0,
-        doc="distance at which the potential is zero; one close to the motion keeps the digits "
-        "of the energy",
+        doc="distance at which the potential is zero; a value close to the motion preserves the "
+        "digits of the energy",
     )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

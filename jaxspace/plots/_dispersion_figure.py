@@ -183,7 +183,7 @@ def _histogram(
         _subtitle(axes, words)
     else:
         # Good runs without a finite value have no place either.
-        words = "no finite value" if dispersion.good.any() else "no good run"
+        words = "no finite value" if dispersion.good.any() else "no successful run"
         axes.text(0.5, 0.5, words, ha="center", va="center", color=BAD, transform=axes.transAxes)
     dress(axes, "", dispersion.label(name), "runs")
     axes.set_title(in_words(name), loc="left", fontsize=10, fontweight="bold", pad=17)

@@ -267,4 +267,4 @@ def failures(runs: RunsOfDesign) -> str:
     codes, counts = np.unique(bad, return_counts=True)
     # One sentence: with thousands of failures the most frequent cause is the one to mend.
     most = Status(int(codes[np.argmax(counts)]))
-    return f"{bad.size} of {status.size} runs fail, most of them so: {most.sentence}"
+    return f"{bad.size} of {status.size} runs fail, most of them with this status: {most.sentence}"

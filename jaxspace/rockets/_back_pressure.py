@@ -49,7 +49,7 @@ class BackPressure(AbstractParameters):
         "m", positive=True, default=7000.0, doc="climb over which it falls by the factor e"
     )
     atmosphere: AbstractAtmosphere | None = eqx.field(
-        default=None, metadata={"doc": "whose pressure holds, in place of the exponential one"}
+        default=None, metadata={"doc": "whose pressure is used instead of the exponential one"}
     )
 
     @classmethod

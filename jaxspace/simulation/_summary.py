@@ -173,7 +173,7 @@ def _method(run: PrintedRun) -> str:
         return "-"
     config = run.call.config
     how = "closed form" if isinstance(config.method, str) else type(config.method).__name__
-    return f"{how} beside a closed form" if config.decoupled else how
+    return f"{how} next to a closed form" if config.decoupled else how
 
 
 def _counts(run: PrintedRun) -> tuple[str, str]:

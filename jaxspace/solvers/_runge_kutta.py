@@ -60,7 +60,7 @@ class _NestedProducts(AbstractDenseOutput):
     rest: list[State] | None
 
     def state(self, t: Float[Array, "*#runs"]) -> State:
-        assert self.rest is not None, "the step keeps nothing for states within it"
+        assert self.rest is not None, "the step stores no data for interior states"
         x, h = self.fraction(t), self.t1 - self.t0
 
         def nested(y0: Array, y1: Array, k0: Array, k1: Array, *rest: Array) -> Array:

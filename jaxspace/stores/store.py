@@ -106,7 +106,7 @@ class Store:
         if fault := attributes_fault(attributes):
             raise self._unreadable(fault)
         if not isinstance(arrays, dict) or not set(ALWAYS) <= set(arrays):
-            raise self._unreadable(f"lacks one of the arrays {', '.join(ALWAYS)}")
+            raise self._unreadable(f"does not have one of the arrays {', '.join(ALWAYS)}")
         for name, array in arrays.items():
             if fault := array_fault(name, array, attributes):
                 raise self._unreadable(fault)
@@ -195,7 +195,7 @@ class Store:
             return x, f"{what}cannot be read ({error.strerror})."
         size, digest = entry.files[name]
         if len(data) != size:
-            return x, f"{what}has {len(data)} bytes in place of {size}."
+            return x, f"{what}has {len(data)} bytes instead of {size}."
         if hashlib.sha256(data).hexdigest() != digest:
             return x, f"{what}differs from its checksum."
         # The last four bytes are the checksum by which Zarr recognises damage on its own.

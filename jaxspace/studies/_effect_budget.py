@@ -144,8 +144,8 @@ def _by_name(output: Callable[..., Array]) -> OutputOfRun:
                 given[name] = getattr(y, name, None)
             if given[name] is None:
                 raise InputError(
-                    f"output {getattr(output, '__name__', '')} reads {name}: it must read parts of "
-                    f"the final state, the state y and the time t alone."
+                    f"output {getattr(output, '__name__', '')} reads {name}: it must read only "
+                    "parts of the final state, the state y and the time t."
                 )
         return output(**{name: given[name] for name in names})
 

@@ -132,8 +132,7 @@ class EffectBudget:
             return [f"{within}: every effect is needed"]
         arithmetic = sum(row.share for row in self.rows if row.effect in self.dropped)
         return [
-            f"{within}: keep {', '.join(self.kept) or 'nothing'}; "
-            f"leave out {', '.join(self.dropped)}",
+            f"{within}: keep {', '.join(self.kept) or 'nothing'}; omit {', '.join(self.dropped)}",
             f"a run with only these changes the {self.output} by {self.change:.3g}{unit}, "
             f"saves {100.0 * arithmetic:.0f} % of the arithmetic, and takes "
             f"{duration(self.seconds_kept)} instead of {duration(self.seconds)}",

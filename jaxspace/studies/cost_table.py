@@ -177,7 +177,11 @@ class AccuracyCost:
         lines = [aligned(rows, left=2)]
         if self.reference:
             error = self.reference_error
-            good = f"good to about {error:.1g}" if math.isfinite(error) else "of unknown error"
+            good = (
+                f"with an error of about {error:.1g}"
+                if math.isfinite(error)
+                else "of unknown error"
+            )
             lines.append(f"Errors are against {self.reference}, itself {good}.")
         return "\n".join([*lines, *self.notes, *_failures(self.rows)])
 

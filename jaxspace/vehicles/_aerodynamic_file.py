@@ -146,7 +146,7 @@ def _of_table(path: str, sheet: Sheet) -> dict[str, np.ndarray]:
     if "ca power-off" in sheet.names:
         result = _with_last_row(result)
     if np.any(result.pop("sideslip", np.zeros(1)) != 0.0):
-        raise InputError(f"{path} has angles of sideslip: it must have alpha and phi alone.")
+        raise InputError(f"{path} has angles of sideslip: it must have alpha and phi only.")
     if "centre_ahead" in result:
         # RASAero gives a centre of small angles beside that by the angle: it goes with the slope of
         # the normal force at zero.

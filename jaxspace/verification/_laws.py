@@ -75,8 +75,9 @@ class LawReport:
         for law in self.laws:
             shown = ("-", "-") if law.note else (f"{law.error:.1e}", f"{law.allowed:.1e}")
             rows.append((law.name, *shown, law.note or ("holds" if law.holds else "FAILS")))
-        return f"{self.system}: {'every law holds' if self.passed else 'a law fails'}\n" + aligned(
-            rows
+        return (
+            f"{self.system}: {'all laws are satisfied' if self.passed else 'a law is violated'}\n"
+            + aligned(rows)
         )
 
 

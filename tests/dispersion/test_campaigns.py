@@ -327,7 +327,7 @@ DAMAGES = {
     "a truncated file": (
         "v/c/1",
         lambda path: os.truncate(path, 100),
-        "v/c/1 has 100 bytes in place of 4100",
+        "v/c/1 has 100 bytes instead of 4100",
     ),
     "a lost file": ("status/c/0", Path.unlink, "status/c/0 cannot be read"),
 }

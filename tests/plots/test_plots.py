@@ -114,7 +114,7 @@ def test_dispersion_figure_without_a_good_run(dispersion):
     lost = Dispersion(
         dispersion.inputs, dispersion.outputs, np.full(400, 5), dispersion.evaluations, {}, 0
     )
-    assert "no good run" in words(dispersion_figure(lost))
+    assert "no successful run" in words(dispersion_figure(lost))
 
 
 def test_dispersion_page_stands_alone(dispersion, tmp_path):

@@ -335,7 +335,9 @@ def test_a_search_turns_back_where_runs_fail():
     assert 0.9 < float(found.x) < 1.0 / (0.8 * 63 / 64) and np.isfinite(found.value)
     assert int(found.minimum.left_out) > 0
     assert "for their designs more than a fraction of 0 of the runs fail" in repr(found)
-    assert re.search(r"At the last of them \d+ of 64 runs fail, most of them so: ", repr(found))
+    assert re.search(
+        r"At the last of them \d+ of 64 runs fail, most of them with this status: ", repr(found)
+    )
 
 
 def test_too_many_failed_runs_at_the_start_are_said():

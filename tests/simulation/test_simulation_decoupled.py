@@ -120,7 +120,7 @@ def test_a_run_and_its_events_and_what_lies_between():
     x, s = exact(0.5, 3.0, 2.3)
     np.testing.assert_allclose([within.slow, within.hand[1]], [x, s], rtol=1e-8)
     # The steps are those of the rest.
-    assert run.dense.states.hand is None and "beside a closed form" in repr(run)
+    assert run.dense.states.hand is None and "next to a closed form" in repr(run)
 
 
 def test_a_run_ends_by_its_exact_part():

@@ -167,7 +167,7 @@ def test_it_refuses_what_it_cannot_integrate():
     with pytest.raises(SimulationError, match="finite"):
         simulate(Scene((PointGravity(1.0), drag)), start(), TURNS, accuracy=by(1e-9))
     heavy = Scene((PointGravity(1.0),), RigidBody(mass=1.0), ("mass",))
-    with pytest.raises(InputError, match="nothing else"):
+    with pytest.raises(InputError, match="consists of a position and a velocity"):
         simulate(
             heavy,
             BodyState(start().position, start().velocity, mass=jnp.array(1.0)),

@@ -223,7 +223,7 @@ def test_it_refuses_what_it_cannot_integrate():
     with pytest.raises(InputError, match="steps is 10"):
         Stormer(12, steps=10)
     turning = Scene((PointGravity(1.0),), RigidBody(mass=1.0), ("mass",))
-    with pytest.raises(InputError, match="nothing else"):
+    with pytest.raises(InputError, match="consists of a position and a velocity"):
         simulate(
             turning,
             BodyState(start().position, start().velocity, mass=jnp.array(1.0)),

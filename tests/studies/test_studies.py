@@ -520,7 +520,10 @@ def test_attitude_is_compared_by_its_angle():
 
 BAD_BUDGET = [
     ({"output": "omega"}, "output is 'omega': it must be one of position, velocity, or a function"),
-    ({"output": speed_error}, "output speed_error reads nominal: it must read parts of the final"),
+    (
+        {"output": speed_error},
+        "output speed_error reads nominal: it must read only parts of the final",
+    ),
     ({"tolerance": -1.0}, "tolerance is -1: it must be positive"),
     ({"repeats": 0}, "repeats is 0"),
 ]

@@ -63,7 +63,7 @@ def accuracy_entries(catalog: Catalog, state: type) -> dict[str, Entry]:
         ),
         "method": Entry(method_kind(catalog), None, doc="integrator; by default chosen by rules"),
         "max_step": Entry(LONGEST_STEP, None, doc="longest step"),
-        "max_steps": Entry(Whole(), None, doc="how many steps a run may take"),
+        "max_steps": Entry(Whole(), None, doc="maximum number of steps of a run"),
     }
 
 

@@ -52,7 +52,7 @@ class Input(NamedTuple):
             unit = self.nominal.unit or quantity.unit
             low, high, here = (in_unit(quantity.unit, unit) * x for x in (low, high, self.nominal))
             result.append(
-                f"dispersion.inputs.{path} lies from {low:.6g} to {high:.6g} {unit}".rstrip()
+                f"dispersion.inputs.{path} ranges from {low:.6g} to {high:.6g} {unit}".rstrip()
                 + f", without the nominal value {here:.6g}."
             )
         share = made.outside(quantity.low, quantity.high)
