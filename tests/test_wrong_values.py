@@ -123,7 +123,7 @@ class UserClass(AbstractParameters):
         ),
         (
             lambda: ReactionWheels(np.eye(3), [1.0, 1.0], [0.0, 0.0, 0.0]),
-            "ReactionWheels.inertia has 2 wheels, and axes has 3: it must have as many",
+            "ReactionWheels.inertia has 2 wheels, and axes has 3: it must have the same number",
         ),
         (
             lambda: FinSet(2.5, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),
