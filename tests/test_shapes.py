@@ -32,7 +32,8 @@ CASES = {
     "jax.jit(vectors.norm)(rows)": "norm: a has the shape (201, 3)",
     "jax.grad(lambda x: vectors.dot(x, x)[0])(rows)": "dot: a has the shape (201, 3)",
     "vectors.norm(jnp.ones(()))": "norm: a has the shape ()",
-    "Quaternion(jnp.ones((201, 4)))": "Quaternion.wxyz has the shape (201, 4): its first axis must have the 4",
+    "Quaternion(jnp.ones((201, 4)))": "Quaternion.wxyz has the shape (201, 4): its first axis must "
+    "have the 4 components",
     "Quaternion.from_xyzw(jnp.ones((201, 4)))": "Quaternion.from_xyzw: xyzw",
     "Quaternion.from_matrix(jnp.ones((201, 3, 3)))": "Quaternion.from_matrix: m",
     "Quaternion.from_rotation_vector(rows)": "Quaternion.from_rotation_vector: angle_axis",

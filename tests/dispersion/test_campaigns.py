@@ -162,7 +162,7 @@ def test_a_finished_store_is_not_computed_again(copy):
 
 
 def test_nothing_is_overwritten_unasked(copy):
-    with pytest.raises(StoreError, match=f"holds {RUNS} of {RUNS} already contains"):
+    with pytest.raises(StoreError, match=f"already contains {RUNS} of {RUNS} runs"):
         fly(copy)
     fly(copy, runs=100, overwrite=True)
     assert open_store(copy).runs == 100
