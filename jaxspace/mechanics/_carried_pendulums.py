@@ -99,7 +99,15 @@ class FramedPendulum(AbstractLagrangian):
 class RotatingHoop(AbstractLagrangian):
     """A bead on a hoop that turns at a given rate about its vertical diameter. State:
     `GeneralisedState` of the bead's angle. Its `energy` is Jacobi's integral, because the motor
-    does work."""
+    does work.
+
+    - `mass`: of the bead, m, kg, positive.
+    - `radius`: of the hoop, r, m, positive.
+    - `rate`: of the hoop, W, rad/s.
+    - `gravity`: g, downwards, m/s^2, positive.
+
+    `RotatingHoop(0.2, 0.5, 6.0, 9.81)` turns faster than sqrt(g / r), so that its `rest_angle` is
+    not zero; `state(theta=0.1)` is the bead at rest at 0.1 rad from the bottom."""
 
     mass: NumberField = quantity("kg", positive=True, doc="m, of the bead")
     radius: NumberField = quantity("m", positive=True, doc="r, of the hoop")
