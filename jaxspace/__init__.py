@@ -127,7 +127,7 @@ if not TYPE_CHECKING:
                 # Of the installation: its build takes the version from the tag of the repository.
                 return metadata.version(__name__)
             except metadata.PackageNotFoundError:
-                # Sources that lie on the path and were not installed.
+                # Sources on the path that were not installed.
                 return "0+unknown"
         if name in _PACKAGES:
             # The import sets the attribute too: the next use does not come here.

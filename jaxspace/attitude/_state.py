@@ -20,7 +20,8 @@ def attitude_and_omega(y: BodyState) -> tuple[Quaternion, Vector]:
 def vertical(attitude: Quaternion) -> Vector:
     """The upward vertical Z in body axes, (3, *runs): (sin(theta) sin(phi), sin(theta) cos(phi),
     cos(theta))."""
-    # Written out, because the compiler keeps the products with the zeros of a general vector.
+    # Written out, because the compiler does not remove the products with the zeros of a general
+    # vector.
     w, x, y, z = attitude.wxyz
     s = 2.0 / attitude.norm_squared
     return jnp.stack([s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)])

@@ -107,10 +107,11 @@ def bearing_reactions(
     about_O = parallel_axes(inertia, mass, centre)
     moment = required_torque(about_O, omega, alpha)
     first, second = stations
-    # The forces lie across the shaft, so that their moment, s x (a R_a + b R_b), gives the sum.
+    # The forces are perpendicular to the shaft, so that their moment, s x (a R_a + b R_b), gives
+    # the sum.
     lever = cross(moment, shaft)
     on_second = scale(1.0 / (second - first), lever - scale(first, force))
-    # The moment that the turn takes lies across the shaft, to rounding.
+    # The moment required for the rotation is perpendicular to the shaft, to rounding.
     drive = dot(about_O.times(alpha), shaft)
     return BearingReactions(force - on_second, on_second, drive)
 

@@ -150,11 +150,11 @@ class Nutation(HashedModule):
 
     def _rate(self, up: Scalar, down: Scalar) -> Scalar:
         """psi', rad/s, where sin^2 and cos^2 of half the nutation angle are `up` and `down`."""
-        # gamma - N u and alpha - beta u from the side on which they keep their digits.
+        # gamma - N u and alpha - beta u from the side on which they are accurate.
         momentum, of_momentum = _difference(up, down, self.gamma_up, self.gamma_down, self.N)
         energy, of_energy = _difference(up, down, self.alpha_up, self.alpha_down, self.beta)
-        # f(u) = 0: psi'^2 is the energy over sin^2 as well. Of a fast top that keeps the digits
-        # that its momentum loses; at a cusp both vanish, and the momentum as its root.
+        # f(u) = 0: psi'^2 is the energy over sin^2 as well. For a fast top this is accurate where
+        # the momentum is not; at a cusp both vanish, and the momentum as its root.
         sin_squared = 4.0 * up * down
         fast = (energy > 0.0) & (sin_squared > 0.0)
         fast = fast & (of_energy * sin_squared < 2.0 * jnp.abs(momentum) * of_momentum)
@@ -211,7 +211,8 @@ class Nutation(HashedModule):
         most = d + 2.0 * b * lower
         whole = (share * most > d) & (d < NEAR * 2.0 * b * lower)
         pole = jnp.where(whole, share * most, d)
-        # A pole at zero has the factor g = 0 before it: any other value keeps the product zero.
+        # A pole at zero has the factor g = 0 before it: with any other value the product remains
+        # zero.
         pole = jnp.where(pole > 0.0, pole, 1.0)
         passing, standing = complete_third(
             total, product, jnp.stack([pole, jnp.where(d + b == 0.0, 1.0, d + 2.0 * b)])

@@ -140,7 +140,7 @@ def _vertices(moments, differences, about_least) -> tuple[Vector, Vector]:
     zero = jnp.zeros_like(middle)
 
     def rate(difference, moment, apart):
-        # A rounding may leave a difference below zero where the point lies on an axis.
+        # Rounding may make a difference negative where the point is on an axis.
         return safe_sqrt(safe_divide(jnp.maximum(difference, 0.0), moment * apart))
 
     first = jnp.stack([rate(above, a, a - c), zero, rate(below, c, a - c)])

@@ -99,7 +99,7 @@ def cone_bounds(moments: Vector, omega: Vector) -> tuple[Vector, Vector]:
     check_components("cone_bounds: omega", omega, 3)
     rank = max(moments.ndim, omega.ndim) - 1
     moments, omega = with_rank(moments, rank), with_rank(omega, rank)
-    # The squares of the components of h lie on a straight line, so that each one has its least and
+    # The squares of the components of h are on a straight line, so that each one has its least and
     # its greatest value at the vertices.
     h = [moments * vertex for vertex in Polhode.of(moments, omega).vertices]
     near, far = (_angles(v) for v in h)

@@ -228,7 +228,7 @@ def _mean_phase(x: Scalar) -> Complex:
 def _mean_ramp(x: Scalar, y: Scalar) -> Complex:
     """D(x, y), the divided difference of E: [e^(i y) E(x - y) - E(y)]/(i x)."""
     x, y = jnp.broadcast_arrays(jnp.asarray(x), jnp.asarray(y))
-    # D is symmetric: the greater argument divides, so that the quotient keeps its digits.
+    # D is symmetric: the greater argument divides, so that the quotient is accurate.
     swap = jnp.abs(y) > jnp.abs(x)
     great, small = jnp.where(swap, y, x), jnp.where(swap, x, y)
     # Below it the difference of the closed form cancels, and the series has few terms.

@@ -83,7 +83,7 @@ def zero_spin_radial_cord(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E
     **Arguments**
 
     - `I`, `R`, `m`: as in `radial_release_spin`, (*runs,)."""
-    # As a quotient, because both lengths may be large beside their difference.
+    # As a quotient, because both lengths may be large compared with their difference.
     ratio = I / m
     return ratio / (jnp.sqrt(R * R + ratio) + R)
 
@@ -143,7 +143,7 @@ class SwingingCords(AbstractSystem):
 
     def outside(self, t: Scalar, y: SwingState) -> Flag:
         del t
-        # Beside what the rates would pull, with a margin above the error of a state.
+        # Relative to the tension due to the rates, with a margin above the error of a state.
         q = y.spin + y.angle_rate
         pull = self.mass * (self.cord_length * q * q + self.radius * y.spin * y.spin)
         slack = self.tension(y) < -1e-4 * pull
@@ -219,7 +219,8 @@ class SwingOutArms(AbstractSystem):
         weights = jnp.asarray(0.5 * _WEIGHTS, kind).reshape(places.shape)
         # theta = u^2: the rate starts as the root of the angle.
         start = theta == 0.0
-        # At rest on the axis nothing moves: the mean has a factor of zero, and any angle serves.
+        # At rest on the axis nothing moves: the mean has a factor of zero, and the angle is
+        # arbitrary.
         u = places * jnp.sqrt(jnp.where(start, 1.0, theta))
         mean = jnp.sum(weights * 2.0 * u / self.angle_rate(u * u, w0), axis=0)
         return end_sqrt(lambda x: x, theta) * mean

@@ -144,7 +144,7 @@ class TopMotion(AbstractClosedForm):
         )
         q = q * inverse_sqrt(jnp.sum(q * q, axis=0))
         hangs = Wl < 0.0
-        # A top that hangs is one that stands, seen upside down: one formula serves both.
+        # A hanging top is an upright one seen upside down: the same formula applies to both.
         q = jnp.where(hangs, raised(q), q)
         start = start_of(q, omega, C * omega[2] / A, 2.0 * jnp.abs(Wl) / A)
         phase = jacobi(duration, start.x, start.y, start.difference)

@@ -91,7 +91,7 @@ def crusher_force(
     """
     wheel, axle = axial_inertia / radius, transverse_inertia / arm
     sine = jnp.sin(theta)
-    # sin^2 for (1 - cos 2 theta)/2, which keeps no digit of a small angle.
+    # sin^2 for (1 - cos 2 theta)/2, which loses all digits for a small angle.
     gyroscopic = wheel * sine * sine + 0.5 * axle * jnp.sin(2.0 * theta)
     return weight * sine + precession * precession * gyroscopic
 
@@ -141,7 +141,7 @@ def best_crusher_tilt(
         value, bend = jax.jvp(slope, (theta,), (jnp.ones_like(theta),))
         return theta - value / bend
 
-    # This root is in the second quarter of 2 theta; that with the weight lies between it and a
+    # This root is in the second quarter of 2 theta; the one with the weight is between it and a
     # right angle.
     theta = 0.5 * jnp.arctan2(transverse_inertia * radius, -axial_inertia * arm + 0.0 * weight)
     theta = jax.lax.fori_loop(0, 8, lambda _, x: newton(x), jax.lax.stop_gradient(theta))

@@ -189,7 +189,7 @@ class ReactionWheels(AbstractEffect):
         return Load(
             torque_B=-jnp.sum(axes * torque, axis=1),
             parts_rate={self.part: torque},
-            # The body's inertia counts the wheels as locked: the part that is in their own momentum
+            # The body's inertia counts the wheels as locked: the part contained in their momentum
             # is subtracted.
             inertia_B=-jnp.sum(inertia * axes[:, None] * axes[None, :], axis=2),
             momentum_B=jnp.sum(axes * y.part(self.part), axis=1),

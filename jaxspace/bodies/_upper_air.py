@@ -95,8 +95,8 @@ def upper_changes(height: Scalar) -> tuple[Scalar, Scalar]:
     At a joint of two pieces the slope is that of the upper one."""
     x = (height - MIXED) * 1e-3
     begins = _BEGINS.astype(x.dtype).reshape(-1, *(1,) * x.ndim)
-    # The piece of each run. A sum over all pieces, which needs no search, is a program of twice the
-    # length, and every derivative of a flight through the air holds several of them.
+    # The segment of each run. A sum over all segments, without a search, is a program of twice the
+    # length, and every derivative of a flight through the air contains several of them.
     number = jnp.sum(x >= begins, axis=0)
     start, *powers = (
         jnp.asarray(_PIECES.astype(x.dtype)).at[:, number].get(mode="promise_in_bounds")

@@ -72,12 +72,12 @@ class PrincipalInertia(AbstractInertia):
     )
 
     def __check_init__(self):
-        # What is not finite has its own sentence, from the declaration.
+        # Values that are not finite have a separate message, from the declaration.
         if is_concrete(self.moments) and np.all(np.isfinite(self.moments)):
             m = np.asarray(self.moments)
             slack = m.sum(axis=0) - 2.0 * m.max(axis=0)
             # A flat body has a slack of zero, which rounding of single precision makes negative.
-            # A negative moment has its own sentence, from the declaration.
+            # A negative moment has a separate message, from the declaration.
             check(
                 (slack >= -1e-6 * m.max(axis=0)) | np.any(m < 0.0, axis=0),
                 "PrincipalInertia.moments",
@@ -119,8 +119,8 @@ class InertiaTensor(AbstractInertia):
     tensor: Float[Array, "3 3 *#runs"] = quantity("kg m^2", doc="symmetric and positive definite")
 
     def __check_init__(self):
-        # A batch is not checked: eigenvalues of many tensors cost more than the sentence is worth.
-        # What is not finite has its own sentence, from the declaration.
+        # A batch is not checked: eigenvalues of many tensors are too expensive for a check.
+        # Values that are not finite have a separate message, from the declaration.
         single = is_concrete(self.tensor) and self.tensor.ndim == 2
         if single and np.all(np.isfinite(self.tensor)):
             j = np.asarray(self.tensor, dtype=float)
@@ -180,7 +180,7 @@ def diagonal(d: Vector) -> Matrix:
     return identity(d.ndim - 1) * d[:, None]
 
 
-# The shapes of raw arrays do not say which axis is that of the bodies.
+# The shapes of raw arrays do not identify the axis of the bodies.
 _OF_SEVERAL = (
     "give PrincipalInertia(moments), (3, bodies), or InertiaTensor(tensors), (3, 3, bodies)."
 )

@@ -30,8 +30,9 @@ from ..core import Matrix, Scalar, Vector
 from ..core.safe import times_slope
 from .inertia import AbstractInertia, InertiaTensor
 
-# The mean of f' by eight points of Gauss is right to rounding for moments within this share of one
-# another, for f without a singular place nearer than zero moment; the quotient serves beyond it.
+# The mean of f' with eight-point Gauss quadrature is accurate to rounding for moments within this
+# share of one another, for f without a singularity closer than zero moment; the quotient is used
+# beyond it.
 _CLOSE = 0.1
 _PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 

@@ -68,7 +68,7 @@ def particles(
     rank = max(masses.ndim - 1, places.ndim - 2)
     masses, places = with_rank(masses, rank), with_rank(places, rank, axes=2)
     total = jnp.sum(masses, axis=0)
-    # Relative to the first particle, so that a small set far from the origin keeps its digits.
+    # Relative to the first particle, so that a small set far from the origin is accurate.
     apart = places - places[:, :1]
     centre = jnp.sum(masses * apart, axis=1) / total
     tensor = _tensor(masses, apart - centre[:, None])

@@ -87,8 +87,9 @@ def standard_atmosphere(height: Scalar) -> Air:
 
 def _of_height(height: Scalar) -> Air:
     logarithm, temperature = _layers(height)
-    # The upper air is most of the work, and is skipped where all runs are below. What follows is
-    # outside, although the values then pass through memory: it would stand in both branches.
+    # The upper air is most of the work, and is skipped where all runs are below. The rest is
+    # outside, although the values then pass through memory: it would be duplicated in both
+    # branches.
     logarithm, molecular, kinetic = lax.cond(
         jnp.any(height > MIXED), _every_air, _mixed_air, height, logarithm, temperature
     )
@@ -102,7 +103,7 @@ _air = jax.custom_jvp(_of_height)
 
 @_air.defjvp
 def _air_rule(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Air, Air]:
-    # By the slope, because reverse mode would hold the way back through both branches as well.
+    # With the slope, because reverse mode would contain the backward pass of both branches as well.
     (d_height,) = tangents
     air, slope = jax.jvp(_of_height, primals, (jnp.ones_like(primals[0]),))
     return air, Air(*(s * d_height for s in slope))
@@ -134,7 +135,7 @@ def _every_air(
 def _layers(height: Scalar) -> tuple[Scalar, Scalar]:
     """ln rho and T_M of the layers; above their top those at the top."""
     # Not `within`: at the top the slope is that above it, as of the upper air. Nor a selection,
-    # whose constants a derivative would hold for each effect anew.
+    # whose constants a derivative would contain once for each effect.
     above = (height >= TOP).astype(height.dtype) * (height - TOP)
     level = geopotential_height(jnp.maximum(height - above, BOTTOM))
     dtype = jnp.result_type(level, float)

@@ -83,7 +83,7 @@ def _without_runs(file: SceneFile, method: str) -> int:
     nominal = file.nominal_mission()
     campaign = file.campaign(nominal, warn=False)
     with waiting(f"computing the moments with {method}"), warnings_as_lines():
-        # The report says so in its table.
+        # The report marks this in its table.
         warnings.filterwarnings("ignore", ".*is not reliable")
         result = moments(campaign, method, accuracy=file.accuracy)
     print(moments_report(file.title, result, campaign.units, file.nominal_outputs(nominal)))

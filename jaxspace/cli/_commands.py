@@ -43,7 +43,7 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
     if isinstance(file.system, Mission):
         with waiting("simulating the mission, and repeating it to estimate the error"), by_numpy():
             result = file.nominal_mission(samples=PICTURED)
-            # A mission has no error estimate of its own: the finer run gives one.
+            # A mission has no built-in error estimate: the finer run provides one.
             finer = file.nominal_mission(samples=PICTURED, factor=0.01)
             report = mission_report(file, result, finer)
         print(report)
@@ -140,7 +140,7 @@ def _confirmed(file: SceneFile, found: Optimum, best: str) -> Confirmed:
     """The optimum, compared with a run of its file, which is written to `best`; the outputs of that
     run, and the run."""
     write_text(best, found.text())
-    # Read back, so that what is confirmed is what the file says, rounding included.
+    # Read back, so that the verified values are those in the file, including rounding.
     optimum = load(best, modules=file.modules)
     # At the accuracy of the file, with adaptive steps, by which the optimum is confirmed.
     run = optimum.nominal_mission(samples=PICTURED)
@@ -306,7 +306,7 @@ def draw(file: SceneFile, trajectory: Trajectory, path: str, title: str = "") ->
 
     from ..plots import trajectory_figure
 
-    # Draws to files alone, so that a machine without a display serves.
+    # Draws to files only, so that no display is required.
     matplotlib.use("Agg")
     title = title or file.title
     with replacing(path) as unfinished:

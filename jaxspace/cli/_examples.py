@@ -63,7 +63,7 @@ GOALS: dict[str, tuple[str, ...]] = {
     ),
 }
 """The scenes by topic, introductory ones first."""
-# What a scene is made for besides `run`, by the table that says how.
+# Commands of a scene besides `run`, by the corresponding table.
 COMMANDS = {"disperse": "dispersion", "optimize": "optimize"}
 
 
@@ -102,7 +102,7 @@ def new(name: str, path: str | None) -> int:
         )
     target = Path(f"{name}.toml" if path is None else path)
     text = (scenes() / f"{name}.toml").read_text(encoding="utf-8")
-    # Each by its name alone: the copies lie beside one another.
+    # Each by its name only: the copies are in the same folder.
     beside = {named: target.parent / Path(named).name for named in _named_files(text)}
     for path_there in (target, *beside.values()):
         if path_there.exists():

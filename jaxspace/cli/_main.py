@@ -39,7 +39,8 @@ def _imported() -> Callable[[argparse.Namespace], int]:
     try:
         from ._carry_out import carry_out
     finally:
-        # What is imported stays: to search it for what may go takes a twelfth of the imports.
+        # Imported objects are permanent: searching them for garbage takes a twelfth of the import
+        # time.
         if not gc.get_freeze_count():
             gc.freeze()
         if collects:

@@ -209,7 +209,7 @@ def _method_options(disperse: argparse.ArgumentParser) -> None:
 def _rule(text: str) -> tuple[str, float, float]:
     output, *numbers = text.split(":")
     try:
-        # What is left out is filled up; a number too many fails in the unpacking.
+        # Missing numbers are filled in; an extra number fails in the unpacking.
         share, precision = (*map(float, numbers), *(0.99, 0.01)[len(numbers) :])
     except ValueError:
         # NaN fails the comparisons below, which then name the text.

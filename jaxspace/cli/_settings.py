@@ -25,8 +25,8 @@ def settle(*, once: bool = False) -> None:
     with contextlib.suppress(RuntimeError):
         jax.config.update("jax_num_cpu_devices", cores())
     keep_programs()
-    # What a trace leaves behind is little beside what it keeps: the search for it, as often as
-    # Python does it by default, takes a thirtieth of the command.
+    # A trace leaves little garbage compared with its live objects: searching for it, at the default
+    # frequency of Python, takes a thirtieth of the command.
     gc.set_threshold(100_000, 20, 100)
     if jax.config.read("jax_disable_most_optimizations") != once:
         jax.config.update("jax_disable_most_optimizations", once)

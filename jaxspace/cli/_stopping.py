@@ -57,7 +57,7 @@ def _handled(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]
         yield
     finally:
         for number, earlier in before.items():
-            # `None` stands for a handler that Python has not set.
+            # `None` means a handler that Python has not set.
             signal.signal(number, earlier or signal.SIG_DFL)
 
 

@@ -34,7 +34,7 @@ class warnings_as_lines:
 
         warnings.simplefilter("always", DamagedStore)
         warnings.filterwarnings("ignore", UNFINISHED)
-        # Of NumPy, about numbers that are not finite: the status of the run says so.
+        # NumPy warnings about numbers that are not finite: the status of the run reports this.
         warnings.simplefilter("ignore", RuntimeWarning)
         warnings.showwarning = show
 

@@ -40,7 +40,7 @@ def as_fixed(method: object, rtol: float, steps: int) -> FixedSteps:
     if isinstance(method, FixedSteps):
         return method
     if method == "auto":
-        # Samples are short: where both meet the tolerance in one step, the cheaper one is taken.
+        # Samples are short: where both reach the tolerance in one step, the cheaper one is used.
         return FixedSteps(LOW_ORDER if rtol >= 1e-8 else HIGH_ORDER, steps)
     if not isinstance(method, diffrax.AbstractSolver) or solver_traits(method).needs:
         raise InputError(

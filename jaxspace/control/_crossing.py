@@ -142,7 +142,7 @@ def _share(
         x = b - gb * (b - a) / jnp.where(slope == 0.0, 1.0, slope)
         # Some steps are bisections, because a false position may converge slowly.
         x = jnp.where((slope == 0.0) | (k % 8 == 7), 0.5 * (a + b), x)
-        # A run whose search has ended keeps its result while others go on.
+        # A run whose search has ended retains its result while others continue.
         x = jnp.where(gb == 0.0, b, x)
         g = value(x)
         across = jnp.sign(g) != jnp.sign(gb)

@@ -115,7 +115,7 @@ class LoopRun(AbstractRun):
         the change."""
         loop, y0, ts, options, run_axes = self.request
         finer = options._replace(steps=2 * self.steps)
-        # Without raising: where the finer run fails, NaN says that no error is known.
+        # Without raising: where the finer run fails, the error is NaN.
         again = run_loop(loop, y0, ts, finer, run_axes, throw=False)
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again.final)
 

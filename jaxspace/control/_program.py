@@ -191,7 +191,7 @@ def _method_of(
 ) -> FixedSteps:
     """The method of the steps between nodes, as a small program where that pays."""
     method = config.solver
-    # A loop holds a step at three places.
+    # A loop contains a step in three places.
     kind = Runs.CLOSED_LOOPS if run_axes else Runs.ONE_CLOSED_LOOP
     if is_small(kind, _operations(system, start, y0)):
         method = small_program(method)

@@ -98,7 +98,7 @@ class QuaternionFeedback(AbstractController):
         if self.axes is None:
             return torque, memory
         axes = with_rank(unit(self.axes), omega.ndim - 1, axes=2)
-        # What turns the wheels turns the body the other way.
+        # The torque on the wheels rotates the body in the opposite direction.
         return -wheel_torques(axes, torque), memory
 
     def settle(self, memory: Integral | None, asked: Array, applied: Array) -> Integral | None:

@@ -71,10 +71,10 @@ class ApogeeControl(AbstractController):
 
     def act(self, t: Scalar, memory: None, measured: PyTree) -> tuple[Scalar, None]:
         z, climb = measurement(measured, "position")[2], measurement(measured, "velocity")[2]
-        # By the predicted apogee: the height itself would tell of an overshoot too late.
+        # From the predicted apogee: the height itself would reveal an overshoot too late.
         excess = drag_apogee(z, climb, self.drag, self.gravity) - self.target
         share = self.gain * excess + self.share
-        # Shut under thrust, where the prediction does not hold.
+        # Closed under thrust, where the prediction is invalid.
         return jnp.where(t < self.opening, 0.0, jnp.clip(share, 0.0, 1.0)), memory
 
 

@@ -265,6 +265,6 @@ class AbstractSystem(AbstractParameters):
         message.
 
         For error messages; empty where there is nothing to add."""
-        # A system without reasons of its own: the caller's sentence is enough.
+        # A system without specific reasons: the caller's message is sufficient.
         del capability
         return ""

@@ -40,7 +40,7 @@ def in_blocks(
     # Outside of a compiled program the loop over this function would be compiled at every call.
     if not (long and is_traced(args)):
         return function(*args)
-    # What all runs share goes whole into every block.
+    # Shared values are passed unchanged to every block.
     cut = tuple(shape == (runs,) for shape in shapes)
 
     def of_leaves(leaves: tuple) -> PyTree:

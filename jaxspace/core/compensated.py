@@ -32,7 +32,7 @@ def running_sums(x: Float[Array, "n ..."]) -> tuple[Array, Array]:
         sums = _added(sums, row)
         return sums, sums
 
-    # About sqrt(n) blocks side by side, then the sums over whole blocks: two short loops, where one
+    # About sqrt(n) blocks in parallel, then the sums over whole blocks: two short loops, where one
     # over all numbers would be slow and a tree of them large to compile.
     n = x.shape[0]
     size = max(math.isqrt(max(n - 1, 0)) + 1, 1)

@@ -21,7 +21,7 @@ from .quantities import REQUIRED, Quantity, check_shape
 
 _REFERENCE = "reference"
 
-# A decorator returns the type that it takes, so that type checkers keep the signature.
+# A decorator returns its argument type, so that type checkers preserve the signature.
 Function = TypeVar("Function", bound=Callable[..., object])
 
 
@@ -43,7 +43,7 @@ class FileName(NamedTuple):
     default: object = REQUIRED
 
 
-# What the arguments of a declared function may be.
+# Allowed arguments of a declared function.
 Argument: TypeAlias = Quantity | Choice | FileName
 
 
@@ -94,7 +94,7 @@ def _checked(function: Function, arguments: Mapping[str, Argument]) -> Function:
             _check_kind(f"{owner}.{name}", value, signature.parameters[name], arguments.get(name))
         for name, declared in arguments.items():
             value = bound.get(name)
-            # `None` stands for an optional argument that is absent.
+            # `None` means an absent optional argument.
             if isinstance(declared, Quantity) and value is not None:
                 check_shape(f"{owner}.{name}", value, declared)
                 declared.check(f"{owner}.{name}", value)

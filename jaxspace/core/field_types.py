@@ -21,7 +21,7 @@ from jaxtyping import PyTree
 
 from .checks import InputError
 
-# The entry of a field's metadata that holds its declaration as a quantity.
+# The entry of a field's metadata with its declaration as a quantity.
 QUANTITY = "quantity"
 # Longest text of a wrong value in a message.
 SHOWN = 60
@@ -116,7 +116,7 @@ def _number(annotation: object, unit: str) -> Kind | None:
         return Kind(is_number, "a number")
     if not any(word in dtypes for word in ("float", "int", "bool")):
         return None
-    # Of a user's own class, `float` often stands for an array of them.
+    # In user-defined classes, `float` often means an array of floats.
     alone = not getattr(annotation, "dim_str", "").replace("*#runs", "").strip()
     words = "a number" if alone else "an array of numbers"
     return Kind(is_real, f"{words} in {unit}" if unit else words)

@@ -134,8 +134,8 @@ def _checked_value(number: _Number, x: object) -> object:
     if isinstance(x, list | tuple):
         x = as_float(x)
         dtype = getattr(x, "dtype", None)
-    # Objects that say what array they are are converted where they are used, and so are lists of
-    # something else than numbers.
+    # Objects that define their conversion to an array are converted where they are used, as are
+    # lists of other objects than numbers.
     if dtype is None and (isinstance(x, list | tuple) or hasattr(x, "__jax_array__")):
         return x
     if dtype is None or not is_real(x):

@@ -21,7 +21,7 @@ class AbstractGroupElement(HashedModule):
     def coordinates(self) -> Local:
         """The coordinates of the element about itself: zeros, (n, *runs)."""
 
-    # `PyTree` stands for the type of the concrete class: beartype cannot check `Self` here.
+    # `PyTree` represents the type of the concrete class: beartype cannot check `Self` here.
     @abstractmethod
     def moved(self, local: Local) -> PyTree:
         """The element at the coordinates `local` about this one, on the group to rounding."""

@@ -105,7 +105,7 @@ def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
     time = t - 2.0 * quarter * half_periods
     argument = n * time / scale
     argument, time = barrier((argument, time), everywhere=True)
-    # Each branch gets the argument zero where the other holds, so that its derivative is finite.
+    # Each branch gets the argument zero where the other applies, so that its derivative is finite.
     circular = _circular(jnp.where(hyperbolic, 0.0, argument), q)
     exponential = _hyperbolic(jnp.where(hyperbolic, argument, 0.0), q, -0.5 * math.log(least))
     sn, cn, dn = (jnp.where(hyperbolic, b, a) for a, b in zip(circular, exponential, strict=True))
@@ -218,7 +218,7 @@ def _hyperbolic(v: Scalar, q: Scalar, most: float) -> tuple[Scalar, Scalar, Scal
     (a1, b1) = sums(1)
     (a2, b2) = sums(2)
     (a3, b3) = sums(3)
-    # `expm1`, because the sine vanishes with its argument and must keep its digits there.
+    # `expm1`, because the sine vanishes with its argument and must be accurate there.
     sine = -jnp.expm1(-2.0 * size) - q * (
         (b1 - 2.0 * f * e) - q**3 * (b2 - 2.0 * f**2 * e) + q**8 * (b3 - 2.0 * f**3 * e)
     )

@@ -109,7 +109,7 @@ def jit_quickly(function: Callable[P, T]) -> Callable[P, T]:
     return quick_jit(function, **QUICK)
 
 
-# The programs of functions that are made anew for each use, by the options of the compiler.
+# The programs of functions that are recreated for each use, by the options of the compiler.
 _CALLS: dict[str, Callable] = {}
 
 

@@ -52,9 +52,9 @@ def _declared_axes(tree: PyTree, path: jax.tree_util.KeyPath) -> int | None:
             node = getattr(node, key.name)
         else:
             if isinstance(key, jax.tree_util.FlattenedIndexKey):
-                # A class that keeps its parts to itself, such as `jax.tree_util.Partial`.
+                # A class with opaque parts, such as `jax.tree_util.Partial`.
                 return None
-            # The annotation of a field says nothing about entries of a list or a dictionary.
+            # The annotation of a field does not describe entries of a list or a dictionary.
             annotation = None
             node = node[getattr(key, "idx", getattr(key, "key", None))]
     return component_axes(annotation)

@@ -78,7 +78,7 @@ def public_names(package: types.ModuleType) -> dict[str, object]:
     result = {name: thing for name, thing in vars(package).items() if _counts(name, thing)}
     for file in _files(package.__name__):
         module = import_module(f"{package.__name__}.{file}")
-        # A module without `__all__` serves other packages of the library, and is not public.
+        # A module without `__all__` is used by other packages of the library, and is not public.
         result |= {name: getattr(module, name) for name in getattr(module, "__all__", ())}
     return result
 

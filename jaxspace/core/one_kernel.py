@@ -38,7 +38,7 @@ def in_one_kernel(function: Callable[..., PyTree], *args: PyTree) -> PyTree:
             number, given = barrier((carry[0], args))
             return number + 1, function(*given)
 
-        # A start that the compiler does not see, for it would undo a loop of one pass.
+        # A start hidden from the compiler, which would otherwise remove a loop with one iteration.
         start = barrier(jnp.zeros((), jnp.int32)), nothing
         return jax.lax.while_loop(lambda carry: carry[0] < 1, body, start)[1]
 

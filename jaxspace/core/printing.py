@@ -23,7 +23,7 @@ Class = TypeVar("Class", bound=type)
 # A unit, empty for a pure number, or the meaning of a code.
 Unit: TypeAlias = str | type[enum.IntEnum]
 
-# The attribute of a class that holds the units of its fields.
+# The attribute of a class with the units of its fields.
 UNITS = "_printed_units"
 # Columns of one line, and of one within a table.
 WIDTH, SHORT = 100, 64
@@ -109,10 +109,11 @@ def _inner_rows(x: object, name: str) -> Iterator[Row]:
     """The rows of a field that is a result, a state or an object of parameters itself."""
     rows = list(_rows(x, f"{name}."))
     if UNITS in vars(type(x)):
-        # What has one field, such as a quaternion, is called by the name of the field it is in.
+        # Objects with a single field, such as a quaternion, have the name of the field that
+        # contains them.
         yield from [rows[0]._replace(name=name)] if len(rows) == 1 else rows
         return
-    # Of parameters the class says what they are.
+    # Parameters are identified by their class.
     line = printed_form(x)
     if len(line) <= SHORT and "\n" not in line:
         yield Row(name, "", line)

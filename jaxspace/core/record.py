@@ -4,7 +4,7 @@ import os
 import shlex
 from typing import Any, TypeAlias
 
-# `Any`, because Python's types cannot say what JSON holds without a cast at every reading.
+# `Any`, because Python's types cannot express JSON without a cast at every access.
 Record: TypeAlias = dict[str, Any]
 """Texts, numbers, lists and further records, by name."""
 

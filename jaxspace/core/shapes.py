@@ -80,7 +80,7 @@ def runs_first(tree: PyTree) -> PyTree:
 
 
 def _move(x: object, source: int, target: int) -> object:
-    # What all runs share is often a plain number.
+    # Shared values are often plain numbers.
     if not isinstance(x, jax.Array | np.ndarray) or x.ndim == 0:
         return x
     return jnp.moveaxis(x, source, target)

@@ -18,7 +18,7 @@ from jaxtyping import PyTree
 T = TypeVar("T")
 Leaf = TypeVar("Leaf")
 
-# Number of structures for which a function keeps its answers.
+# Number of structures for which a function caches its results.
 KEPT = 512
 
 
@@ -160,7 +160,7 @@ def reads_a_leaf(function: Callable[[PyTree], T]) -> Callable[[PyTree], T]:
         arrays = [k for k, x in enumerate(leaves) if isinstance(x, jax.ShapeDtypeStruct)]
         places = dict(zip(jaxpr.jaxpr.invars, arrays, strict=True))
         (result,) = jaxpr.jaxpr.outvars
-        # A number that no array holds is a literal, which cannot be looked up.
+        # A number outside of arrays is a literal, which cannot be looked up.
         return "computed" if isinstance(result, Constant) else places.get(result, "computed")
 
     @functools.wraps(function)

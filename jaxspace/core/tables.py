@@ -54,7 +54,7 @@ def within(x: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
 def _within_rule(
     primals: tuple[ArrayLike, ...], tangents: tuple[Array | SymbolicZero, ...]
 ) -> tuple[Scalar, Scalar]:
-    # A field holds many of them, and those of `jax.numpy` take four times as many operations.
+    # A field contains many of them, and those of `jax.numpy` use four times as many operations.
     x, low, high = primals
     # Sign one above the end, minus one below, zero at it.
     above_low, above_high = (jnp.sign(jnp.subtract(x, end)) for end in (low, high))

@@ -17,8 +17,8 @@ from jaxtyping import Array, Bool, Float, PyTree
 T = TypeVar("T")
 
 if TYPE_CHECKING:
-    # A formula takes a Python float as well as an array, and returns an array if it got one: more
-    # than a static type can say.
+    # A formula accepts a Python float as well as an array, and returns an array if it got one: more
+    # than a static type can express.
     Scalar: TypeAlias = Any
 
     class NumberField:

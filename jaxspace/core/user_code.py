@@ -31,7 +31,7 @@ def run_module(name: str, text: str) -> ModuleType:
     to a process that has executed the same text.
 
     **Raises** `InputError` with the line where the text raises an error."""
-    # With the hash: a worker may serve campaigns of two versions of the file in turn.
+    # With the hash: a worker may process campaigns of two versions of the file in turn.
     title = re.sub(r"\W", "_", Path(name).stem)
     module = ModuleType(f"jaxspace_module_{title}_{text_hash(text)[:16]}")
     module.__file__ = name

@@ -34,7 +34,8 @@ REFERENCES, APART = (1e-3, 1e-2, 1e-1, 1.0), 10.0
 # As of the runs with a given tolerance, which shows their errors to a tenth; and the least that
 # shows any.
 FINER, RESOLVED_BY = 0.1, 0.2
-# An output scatters if its deviation is above this power of the rounding of its values.
+# An output is dispersed if its standard deviation is above this power of the rounding of its
+# values.
 RESOLVED = 2.0 / 3.0
 
 Simulated: TypeAlias = Callable[[float], RunResults]

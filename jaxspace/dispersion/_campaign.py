@@ -161,7 +161,7 @@ class Campaign(AbstractCampaign):
             built = self.build(samples)
         except KeyError as error:
             name = error.args[0] if error.args else None
-            # Of another dict than the inputs, such as a table of the user's own.
+            # From a dict other than the inputs, such as a user-defined table.
             if name in samples or not isinstance(name, str):
                 raise
             raise InputError(

@@ -18,7 +18,7 @@ from ..simulation.runnable import AbstractRunnable
 from ._campaign import Campaign
 from ._saved_states import ChosenTimes, StatesToStore
 
-# Rounding of a sum of durations, by which a user's time can lie beyond the end of a phase.
+# Rounding of a sum of durations, by which a user's time can be beyond the end of a phase.
 ROUNDING = 8.0 * np.finfo(float).eps
 
 
@@ -37,7 +37,7 @@ def choose_times(
     left = np.unique(np.asarray(times, float))
     if np.ndim(times) != 1 or left.size == 0 or not np.all(np.isfinite(left)):
         raise InputError(f"times is {times!r}: it must be a list of one or more times, in s.")
-    # Compiled, because each operation that builds a mission would be a program of its own.
+    # Compiled, because each operation that builds a mission would be a separate program.
     mission = compiled(lambda c: c.mission(c.nominal())[0])(campaign)
     first = float(campaign.start)
     result = []
@@ -85,7 +85,7 @@ def _chosen_in(
             "`samples` to store states of such a phase."
         )
     if not known or isinstance(phase.until, Event) or np.ndim(phase.until) > 0:
-        # A sum of durations meets the start to rounding only.
+        # A sum of durations matches the start to rounding only.
         near = np.abs(left - start) <= ROUNDING * (1.0 + abs(start))
         times = jnp.asarray(np.where(near, start, left))
         return MissionTimes(times, along), before._replace(known=False)

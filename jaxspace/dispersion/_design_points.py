@@ -123,6 +123,6 @@ def _nearest(slope: Slope, z: np.ndarray) -> np.ndarray:
             if not open_.any():
                 break
         done = done | (moving & (moved < 1e-3) & (np.abs(g) < 1e-3 * scale))
-    # Close enough to draw about, if it lies on the border at all.
+    # Close enough as a centre for draws, if it is on the border at all.
     with np.errstate(invalid="ignore"):
         return z[done | (np.isfinite(g) & (np.abs(g) < 0.05 * scale))]

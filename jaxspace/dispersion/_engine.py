@@ -296,7 +296,7 @@ def _prepared(
             return runner.run(0, runner.call)
 
     given = float(np.asarray(accuracy.rtol))
-    # A store that goes on keeps its tolerance, by which its runs have their digits.
+    # A resumed store retains its tolerance, on which the digits of its runs depend.
     if there is not None:
         by_purpose = isinstance(asked, ByPurpose) and "by_purpose" in there
         return prepare(there.get("rtol", given) if by_purpose else given), {}

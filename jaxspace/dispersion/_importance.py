@@ -99,7 +99,7 @@ def importance(
     both = _joined(found, seen)
     second = mixture(points, both.z, both.first, both.share, rng, apart)
     parts = [weights, _drawn(margin, likelihood, second, counts[1], rng)[1]]
-    # What the violations of the search, which no draw decided, weigh in both densities.
+    # The weights in both densities of the violations from the search, which are not random draws.
     factor = likelihood(found.z) if len(found.z) else np.zeros(0)
     expected = [factor * q.weights(found.z) for q in (first, second)]
     moments = [float(found.share @ w) if len(w) else 1.0 for w in expected]

@@ -123,7 +123,7 @@ def _followed(
         if len(points) == 0:
             everything = centres[0], np.ones(1)
         return Mixture(*everything, np.zeros(n), np.zeros((n, 0)), np.zeros(0), 0.0)
-    # Of many design points the scatter tells, too.
+    # With many design points the scatter is informative, too.
     among = half * along / along.sum() if len(points) else along
     weights = np.append(among, (1.0 - half) * likelihood / likelihood.sum())
     wide = _wide(np.concatenate([points, z]), weights, len(z) / RESEMBLING)
@@ -134,7 +134,7 @@ def _followed(
         kernels = z[_chosen(np.flatnonzero(placing), likelihood, rng)]
         some = Mixture(np.concatenate([points, kernels]), np.zeros(0), *wide, 0.0)
         found = _shares(some.terms(z[deciding]), likelihood[deciding])
-        # Some for every kernel, because the other group may have missed what lies there.
+        # Some for every kernel, because the other group may have missed this region.
         even = np.append(np.zeros(len(points)), np.full(len(kernels), 1.0 / max(len(kernels), 1)))
         found = (1.0 - WIDE - EVEN) * found + EVEN * np.append(even, 0.0)
         found[-1] += 1.0 - found.sum()

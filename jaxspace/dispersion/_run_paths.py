@@ -88,7 +88,7 @@ def _run(
 ) -> tuple[Float[Array, "times runs"], Float[Array, "3 times runs"], Array, Array] | None:
     drawn = campaign.samples(key, jnp.asarray(numbers))
     nominal = campaign.nominal()
-    # The nominal run is the first of the batch, so that one program serves.
+    # The nominal run is the first of the batch, so that one program is sufficient.
     samples = {name: jnp.concatenate([x, drawn[name]]) for name, x in nominal.items()}
     allowed = campaign.allowed(samples)
     samples = nominal_unless(allowed, campaign, samples)

@@ -90,7 +90,8 @@ def _chosen(
     # The next phase starts at this very end, so that one phase alone of a run has a time.
     covered = jnp.sign(end - start) * (times - start) > 0.0
     covered = covered & (jnp.sign(end - start) * (times - end) <= 0.0)
-    # What ends at a border has it; nothing ends where the mission starts.
+    # A time at a border belongs to the phase that ends there; no phase ends at the start of the
+    # mission.
     inside = nan_unless(covered | (times == start) if first else covered)
     picked = _picked(phase, slice(None, count))
     states = scaled(picked.states, inside)
@@ -104,6 +105,6 @@ def thinned(result: MissionTrajectory, every_nth: int) -> MissionTrajectory:
 
 
 def _picked(phase: Trajectory, which: slice | Int[Array, " times"]) -> Trajectory:
-    # Times lie before the one axis of runs.
+    # The time axis precedes the single batch axis.
     states = jax.tree.map(lambda x: x[..., which, :], phase.states)
     return dataclasses.replace(phase, ts=phase.ts[which], states=states)

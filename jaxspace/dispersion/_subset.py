@@ -33,7 +33,7 @@ CORRELATION = 0.8
 CHAINED = 4.5
 """Widening of the interval by the correlation of the runs of a chain: its variance is 1 +
 this times that of independent runs. Of 40 repetitions for 1e-6 the logarithms scattered by 0.41."""
-# A level that keeps more than this share of its runs does not lead on.
+# A level that retains more than this share of its runs makes no progress.
 DIVIDES = 0.5
 MOST_LEVELS = 40
 
@@ -95,7 +95,7 @@ def descend(
             ends = border < 0.0 or made >= most
             if ends or np.mean(inside) <= DIVIDES:
                 break
-            # More runs of the same level, until enough of them lie below the step.
+            # More runs of the same level, until enough of them are below the step.
             last = here.taken(np.arange(len(here.g) - size, len(here.g)))
             more = _moved(margin, last, top, rng) if level else drawn(margin, last.z.shape, rng)
             here = here.joined(more)

@@ -160,7 +160,7 @@ def moments(
 def _warnings(campaign: Campaign, accuracy: Accuracy, found: Moments, runs: int) -> dict[str, str]:
     """Warnings, for each output, where a sample contradicts its mean or its standard deviation."""
     n = sum(map(len, normal_columns(campaign.inputs).values()))
-    # At random, without the design: the standard errors hold for independent runs only.
+    # At random, without the design: the standard errors are valid for independent runs only.
     z = np.random.default_rng(0).standard_normal((runs, n))
     outputs = Evaluator(campaign, accuracy)(map_normals(campaign.inputs, z)).outputs
     sentences = (
@@ -279,7 +279,7 @@ def _has_kink(hessian: Array, beside: Array) -> bool:
 def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
     """Compute the moments from sigma points of the normal numbers behind the inputs."""
     n = sum(map(len, normal_columns(campaign.inputs).values()))
-    # n + k = 3 meets the fourth moment of a normal distribution; no weight may be negative.
+    # n + k = 3 matches the fourth moment of a normal distribution; no weight may be negative.
     k = max(3 - n, 0)
     size = math.sqrt(n + k)
     z = np.concatenate([np.zeros((1, n)), size * np.eye(n), -size * np.eye(n)])

@@ -199,16 +199,16 @@ class _Margins:
         g = self.sign * (result.outputs[self.output].astype(float) - self.limit)
         self.runs += len(g)
         self.failed += int(np.count_nonzero(~result.good))
-        # An infinite output lies on one side of the limit; what is not a number meets none.
+        # An infinite output is on one side of the limit; NaN satisfies none.
         g = np.where(result.good & ~np.isnan(g), g, -np.inf)
-        # A margin of zero meets the requirement.
+        # A margin of zero satisfies the requirement.
         return np.where(g == 0.0, -np.finfo(float).tiny, -g) if self.inverted else g
 
 
 def _searched(campaign: Campaign, z: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """The inputs of a search at z, (runs, n), each (runs,), and their likelihood, (runs,)."""
     runs = len(z)
-    # In blocks, so that one program serves every number of runs.
+    # In blocks, so that one program works for every number of runs.
     filled = np.concatenate([z, np.zeros((-runs % BLOCK, z.shape[1]))])
     blocks = [_block(campaign, jnp.asarray(x)) for x in np.split(filled, len(filled) // BLOCK)]
     samples, likelihood = jax.tree.map(lambda *x: np.concatenate(x)[:runs], *blocks)
@@ -249,7 +249,7 @@ def _values_and_slopes(
         return y, y
 
     def along(direction: Array) -> tuple[Array, Array]:
-        # Each run moves with its own place alone: one direction serves all of them.
+        # Each run depends on its own point only: one direction is sufficient for all of them.
         _, slope, y = jax.jvp(value, (z,), (jnp.broadcast_to(direction, z.shape),), has_aux=True)
         return slope, y
 

@@ -114,14 +114,14 @@ def sobol_indices(
 
 def _indices(names: list[str], values: np.ndarray) -> dict[str, SobolIndex]:
     """The indices of one output from its values on A, B and every A_j, (inputs + 2, points)."""
-    # An output that scatters by no more than rounding depends on nothing.
+    # An output whose variance is only rounding depends on nothing.
     if values.shape[1] > 1 and not scatters(values):
         return {name: SobolIndex(0.0, 0.0, 0.0, 0.0) for name in names}
     f_a, f_b, *f_mixed = values.astype(float)
     # With one point, or where only the mixed runs differ, the variance is zero.
     if values.shape[1] < 2 or not (np.ptp(f_a) > 0.0 or np.ptp(f_b) > 0.0 or f_a[0] != f_b[0]):
         return {name: SobolIndex(*(float("nan"),) * 4) for name in names}
-    # The estimator of the first order multiplies by f(B): without the mean it scatters less.
+    # The estimator of the first order multiplies by f(B): without the mean its variance is smaller.
     centre = 0.5 * (f_a.mean() + f_b.mean())
     f_a, f_b = f_a - centre, f_b - centre
     variance = 0.5 * float(np.mean(f_a**2) + np.mean(f_b**2))

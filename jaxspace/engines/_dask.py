@@ -21,7 +21,7 @@ from ._transfer import compute_chunk, payload_of, without_main
 
 # The kinds of connection that Dask knows.
 SCHEMES = ("tcp", "tls", "ws", "wss", "ucx", "inproc")
-# Whose logs of broken connections say nothing that the error of the engine does not say.
+# Its logs of broken connections repeat the error of the engine.
 LIBRARIES = ("distributed", "tornado")
 # Interval of the checks that the scheduler is alive, s.
 PULSE = 2.0
@@ -141,7 +141,7 @@ def _quiet() -> Iterator[None]:
     names = [name for name in logging.root.manager.loggerDict if name.startswith(LIBRARIES)]
     loggers = [logging.getLogger(name) for name in names]
     before = [logger.level for logger in loggers]
-    # Stays, for what Dask leaves behind fails later, when the collector meets it.
+    # Permanent, because leftover objects of Dask fail later during garbage collection.
     logging.getLogger("asyncio").addFilter(_is_of_others)
     try:
         for logger in loggers:

@@ -13,7 +13,8 @@ from ..core import InputError
 from ..core.user_code import run_module
 from ._interface import AbstractRunner, Done, Extent, timed
 
-# Settings of jax that change a program or its results, or say where compiled programs are stored.
+# Settings of jax that change a program or its results, or define where compiled programs are
+# stored.
 SETTINGS = (
     "jax_enable_x64",
     "jax_numpy_dtype_promotion",
@@ -63,7 +64,7 @@ def payload_of(runner: AbstractRunner) -> bytes:
     return pickle.dumps((settings, runner.modules, buffer.getvalue()))
 
 
-# One is enough: a worker serves one campaign after the other, each for a long time.
+# One is sufficient: a worker processes campaigns in sequence, each for a long time.
 @functools.lru_cache(maxsize=1)
 def _runner(payload: bytes) -> AbstractRunner:
     settings, modules, written = pickle.loads(payload)

@@ -84,7 +84,7 @@ def stored(
     for number, part in enumerate(_parts(extents, engine, borders)):
         if enough is not None:
             break
-        # What earlier calls and parts have stored counts as done.
+        # Results stored by earlier calls and parts count as done.
         done = store.runs - sum(e.runs for e in extents if e.chunk >= part[0].chunk)
         computed = _computed(runner, engine, engine.share(part), store.runs, progress, done)
         storing += _written(writer, computed, ending)
@@ -159,8 +159,8 @@ def _computed(
     # Closed as soon as the rule ends the campaign, so that other processes stop.
     with contextlib.closing(engine.compute(runner, extents)) as computed:
         for result in computed:
-            # When the loop goes on, the yielded chunk has been stored. Only then is it reported, so
-            # that progress that a user has seen survives an interruption.
+            # When the loop continues, the yielded chunk has been stored. Only then is it reported,
+            # so that progress that a user has seen survives an interruption.
             yield result.chunk, (result.results, result.cpu)
             done += runs_of[result.chunk]
             if progress is not None:

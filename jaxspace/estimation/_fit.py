@@ -158,7 +158,7 @@ def _search(
     zero = jnp.zeros(task.coordinates.count, dtype)
     start, _ = task.linear(zero)
     size = jnp.sqrt(jnp.sum(start**2, axis=0))
-    # A parameter of no influence keeps its unit.
+    # A parameter without influence retains its unit.
     usable = jnp.isfinite(size) & (size > 0.0)
     scale = COLUMN / jnp.where(usable, size, 1.0)
 
@@ -253,7 +253,7 @@ def _fit_of(task: _Task, x: Array, solved: Array, steps: Array, stated: bool) ->
         # unknown.
         variance = chi_squared / jnp.maximum(freedom, 1.0)
     columns = sqrt(jnp.sum(jacobian**2, axis=0))
-    # A parameter of no influence keeps its unit, and shows as a singular value of zero.
+    # A parameter without influence retains its unit, and appears as a zero singular value.
     columns = jnp.where(columns > 0.0, columns, 1.0)
     _, singular, rows = jnp.linalg.svd(jacobian / columns, full_matrices=False)
     return Fit(

@@ -96,7 +96,7 @@ class Fit(HashedModule):
         if self.singular_values.ndim > 1:
             raise InputError("This fit is a batch: select one of its data sets, fit.of(i).")
         blind = np.asarray(self.directions)[~np.asarray(self._seen)]
-        # A parameter without influence by itself lies in what cannot be seen as a whole.
+        # A parameter without influence is itself part of the unobservable space.
         alone = np.sum(blind**2, axis=0) > 1.0 - 1e-9
         sentences = [
             f"{name} is unobservable: no reading depends on it."

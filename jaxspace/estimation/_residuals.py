@@ -63,7 +63,7 @@ def residual_tests(r: Float[Array, "..."], seen: Bool[Array, "..."]) -> Residual
     for k in range(1, lags + 1):
         pairs = jnp.sum(weight[:, k:] * weight[:, :-k])
         rho = jnp.sum(off[:, k:] * off[:, :-k]) / m
-        # Pairs in the place of m - k: the rows of one instrument are times of their own.
+        # Number of pairs instead of m - k: the rows of one instrument are separate times.
         q += jnp.where(pairs > 0.0, rho**2 * m * (m + 2.0) / jnp.maximum(pairs, 1.0), 0.0)
     skewness = jnp.sum(off**3) / m
     excess = jnp.where(variance > 0.0, jnp.sum(off**4) / m - 3.0, 0.0)

@@ -49,8 +49,8 @@ def lower_root(A: Float[Array, "n k"]) -> Float[Array, "n n"]:
     columns = []
     for j in range(n):
         square = jnp.sum(A[j] * A[j])
-        # Only exact zeros: a small remainder beside a large row may be all that is known, and one
-        # that is rounding adds less than that to the variance.
+        # Only exact zeros: a small remainder next to a large row may be significant, and one that
+        # is rounding adds less than rounding to the variance.
         good = square > 0.0
         row = jnp.where(good, A[j], 0.0) * inverse_sqrt(jnp.where(good, square, 1.0))
         column = A @ row

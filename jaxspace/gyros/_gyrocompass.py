@@ -114,7 +114,7 @@ class Gyrocompass(AbstractSystem):
         moment_u = bail * f_h
         I_h, I_e, H = self.tilt_inertia, self.azimuth_inertia, self.spin_momentum
         w_h_rate = (-bail * f_u - H * w_e + I_e * w_e * w_u) / I_h
-        # The vertical ring holds the axis against moments about it.
+        # The vertical ring supports the axis against moments about it.
         held = ((I_e - I_h) * w_h * w_e - moment_u) * sa / ca
         w_e_rate = (offset * f_u - I_h * w_u * w_h + H * w_h - held) / I_e
         # h and e turn with the angles: h by -(ca u - sa e) psi', e by -sa h psi' - u alpha'.

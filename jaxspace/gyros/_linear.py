@@ -118,7 +118,7 @@ def _units(a: Float[Array, "n n *#runs"]) -> Float[Array, "n *#runs"]:
     def better(carry: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         number, exponents, _ = carry
         size = others * jnp.exp2(exponents - exponents[:, None])
-        # What is smaller than one needs no squaring, and what is zero has no better unit.
+        # A norm below one needs no squaring, and zero has no better unit.
         row, column = (jnp.maximum(jnp.sum(size, axis=k), 1.0) for k in (1, 0))
         change = 0.25 * jnp.log2(row / column)
         # Each run separately: its units do not depend on its neighbours.

@@ -59,7 +59,7 @@ class BearingFriction(AbstractParameters):
     def margin(self, rate: Scalar, applied: Scalar, slip: Scalar) -> Scalar:
         """A margin that falls to zero where a slipping bearing stops, rad/s, and where a stuck one
         begins to slip, N m, under the moment `applied`, N m, without the friction."""
-        # One number for both, so that one event serves a bearing that slips and one that sticks.
+        # One number for both, so that the same event applies to a slipping and a sticking bearing.
         return jnp.where(slip == 0.0, self.dry - jnp.abs(applied), slip * rate)
 
     def slip_at_rest(self, applied: Scalar) -> Scalar:

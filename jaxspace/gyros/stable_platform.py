@@ -126,8 +126,8 @@ class StablePlatform(AbstractSystem):
         runs = jnp.broadcast_shapes(mass.shape[2:], forces.shape[1:])
         mass = jnp.broadcast_to(mass, (*mass.shape[:2], *runs))
         forces = jnp.broadcast_to(forces, (forces.shape[0], *runs))
-        # With pivots: towards the lock two axes coincide, and only the inertia of the gimbals keeps
-        # the matrix regular.
+        # With pivots: towards the lock two axes coincide, and the matrix is regular only because of
+        # the inertia of the gimbals.
         result = jnp.linalg.solve(
             jnp.moveaxis(mass, front, back), jnp.moveaxis(forces, 0, -1)[..., None]
         )

@@ -74,8 +74,8 @@ def attempted(settings: LoopSettings, field: ScaledField, loop: LoopState) -> At
     s, length, y0 = begin.s, begin.length, begin.y0
     zero, one = jnp.zeros_like(s, shape=()), jnp.ones_like(s, shape=())
     if settings.tolerance.run_axes == 0:
-        # What follows from the parameters alone would be moved out of the loop, which for a single
-        # run is one kernel, operation by operation: each into a kernel of its own.
+        # Operations that depend on the parameters only would be moved out of the loop, which for a
+        # single run is one kernel, each into a separate kernel.
         arrays, static = eqx.partition(field, eqx.is_array)
         arrays, s, length = barrier((arrays, s, length))
         field = eqx.combine(arrays, static)

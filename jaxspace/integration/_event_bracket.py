@@ -188,7 +188,7 @@ def _closer(
     change = jnp.where(new.dip & ~_reaching(new), 0.0, change)
     y = jax.tree.map(lambda x, k: x + k * (following - guess), y, rate)
     new = new._replace(guess=following, moving=old.moving & (change > enough), y=y)
-    # A run whose search has ended stays at its zero while the others go on.
+    # A run whose search has ended stays at its zero while the others continue.
     new = jax.tree.map(
         lambda a, b: jnp.where(old.moving, a, b), new._replace(left=0), old._replace(left=0)
     )

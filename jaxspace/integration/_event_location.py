@@ -271,7 +271,7 @@ def _searched(
     runs = moving.shape
     samples = max(event.samples for event in sought.events)
     count = jnp.maximum(jnp.ceil(step.width * (samples / PARTS)), 1.0).astype(int)
-    # One sampling tells the conditions at both ends of a step that is repeated.
+    # One sampling provides the conditions at both ends of a repeated step.
     count = jnp.where(going, count, 1)
     searched = jnp.where(going, moving, location.again)
 
@@ -336,7 +336,7 @@ def _first_of(
         status = jnp.where(failed, zero.status, status)
         earliest = jnp.where(failed, zero.failed, earliest)
     here = going & here_now & jnp.isfinite(earliest)
-    # What is selected by them would compute them again.
+    # Selections that depend on them would recompute them.
     here, earliest, which, status = barrier((here, earliest, which, status))
     return _SearchState(
         search.part + 1,
@@ -359,9 +359,9 @@ def _shorter(location: Location, ends: Ends) -> tuple[Scalar, Array, Array, Arra
     change = -safe_divide(value, slope).astype(length.dtype) * length
     # Newton's method converges from the zero of the dense output, unless the field jumps at the
     # event, as at the end of the propellant. Beyond it the condition may be flat, and the stages of
-    # a step that lie there bend its dense output and falsify its end. The slope at its start is
-    # right: the place to which it leads is taken if the condition is nearer to zero there. Where
-    # the condition itself jumps it is not, and the place by the dense output stays.
+    # a step beyond it distort its dense output and its end. The slope at its start is correct: the
+    # place to which it leads is taken if the condition is nearer to zero there. Where the condition
+    # itself jumps it is not, and the result of the dense output is used.
     lost = ~(jnp.abs(change) <= 0.5 * location.change)
     flat = (slope == 0.0) & (value * first < 0.0)
     place = -safe_divide(first, first_slope).astype(length.dtype) * length

@@ -162,7 +162,7 @@ def zeros_between(along: ConditionOnRun, samples: Samples, limit: int, rows: int
         """Whether each run has another interval to search."""
         return (zeros.following < intervals) & (zeros.count < limit) & ~zeros.unresolved
 
-    # Intervals are searched one by one, because a dip may turn out to hold no zero.
+    # Intervals are searched one by one, because a dip may turn out to contain no zero.
     def look(zeros: Zeros) -> Zeros:
         sought, index = sought_in(zeros), jnp.minimum(zeros.following, intervals - 1)
         knots = samples.times, samples.g, samples.slopes

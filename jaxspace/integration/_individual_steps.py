@@ -118,8 +118,8 @@ def _advance(
         jnp.sign(segment.duration) * free,
         jnp.zeros_like(accept),
     )
-    # All runs at once, when none is still on its way, because a landing costs as much as some
-    # steps; but a slow run does not keep the others waiting until the steps run out.
+    # All runs at once, when all have arrived, because a landing costs as much as some steps; but a
+    # slow run does not make the others wait until the maximum number of steps.
     waited = loop.passes % PATIENCE >= PATIENCE - LANDING
     waited = waited | (loop.passes >= settings.max_steps - LANDING)
     y1, h1, pending, landing, done = jax.lax.cond(

@@ -106,7 +106,7 @@ class Integration(eqx.Module):
         if isinstance(self.y0, IndividualState):
             return IndividualReplay(self.settings, fixed, record, False, False), part
         small = self._is_small(derivative=True)
-        # The program of reverse mode then holds a step once.
+        # The program of reverse mode then contains a step once.
         once = self._is_single or is_small(Runs.DERIVATIVES, self.field_operations)
         return Replay(self.settings, fixed, record, small, once), part
 

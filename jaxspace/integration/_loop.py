@@ -85,7 +85,7 @@ def _until_recorded(
     def attempt(carry: tuple[LoopState, Array]) -> tuple[LoopState, Array]:
         before, number = carry
         # Slow is a run that shortened the common step at least half as often as the worst one. In
-        # the first pass every run had steps of its own, and held up no other.
+        # the first pass every run had individual steps, and did not delay the others.
         slow = 2 * before.limiting >= jnp.maximum(jnp.max(before.limiting), 1)
         left_out = before.left_out | before.short(settings) & slow & (number > 1)
         return run(settings.shared(number > 0), before, left_out), number + 1
@@ -95,7 +95,7 @@ def _until_recorded(
         full = (number > 1) | (loop.count >= rows)
         return (number == 0) | full & jnp.any(loop.short(settings))
 
-    # Zeros, because the first pass begins anew: a loop needs only the shapes of what it carries.
+    # Zeros, because the first pass restarts the method: a loop needs only the shapes of its carry.
     first = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
     return jax.lax.while_loop(unfinished, attempt, (first, jnp.asarray(0)))[0]
 
@@ -110,7 +110,7 @@ def _start(
 ) -> LoopState:
     """The loop before its first step, with the buffers that it fills."""
     if left_out is not None:
-        # NaN stops a run at once, and its status says that it failed.
+        # NaN stops a run immediately, and its status reports the failure.
         y0 = jax.tree.map(lambda x: jnp.where(left_out, jnp.nan, x), y0)
     t, alive = settings.clock(y0), settings.tolerance.alive(y0)
     zero, one = jnp.zeros_like(t, shape=()), jnp.ones_like(t, shape=())

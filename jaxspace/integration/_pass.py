@@ -121,7 +121,7 @@ def _following(settings: LoopSettings, loop: LoopState, error: Array) -> Followi
         order = error_order(settings)
         controller = settings.controller()
         if settings.together:
-            # A run that is no longer finite has its status, and the others go on.
+            # A run that is no longer finite is marked in its status, and the others continue.
             error = jnp.where(settings.tolerance.alive(loop.y), error, 0.0)
         return controller.following(loop.t, loop.t_next, error, order, loop.control)
     planned = settings.planned().adapt_step_size(
@@ -203,7 +203,7 @@ def _filled(
     buffers = loop.buffers
     if buffers.saved is not None:
         assert settings.save_ts is not None
-        # Nothing lies before time -1: a rejected step saves no state.
+        # No time is before -1: a rejected step saves no state.
         reached = jnp.where(accept, loop.t_next, -1.0)
         begin = step.begin
         saved = buffers.saved.record(
@@ -211,7 +211,7 @@ def _filled(
         )
         buffers = buffers._replace(saved=saved)
     if buffers.recording is not None and location is not None:
-        # A run that waits stays at the start of the step that holds its event: a derivative takes
-        # steps of no length there.
+        # A waiting run stays at the start of the step that contains its event: a derivative has
+        # steps of zero length there.
         y = location.ended(y)
     return buffers.add(loop.accepted, loop.count, t, y, t, accept, settings.layout(y, t))

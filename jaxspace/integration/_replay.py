@@ -37,9 +37,9 @@ CHUNK = 32
 """Number of steps whose states are in memory at once: more of them exceed the cache, and with fewer
 of them short runs recompute more steps."""
 
-# The vector field of which reverse mode stores the arguments alone. Its intermediate values take
-# longer to write and to read back than to compute, because a step holds all of its stages at once;
-# and the program that stores none of them compiles sooner.
+# The vector field of which reverse mode stores the arguments only. Writing and reading its
+# intermediate values takes longer than recomputing them, because a step has all of its stages in
+# memory; and the program without storage compiles faster.
 CHECKPOINTED: diffrax.ODETerm = diffrax.ODETerm(
     quick_jit(lambda t, y, field: eqx.filter_checkpoint(field)(t, y))
 )

@@ -104,7 +104,7 @@ def _is_eccentric(context: SelectionContext) -> bool:
     return not beside or is_second_order_regularised(context.system, context.y)
 
 
-# The first rule that holds decides: exact methods come first, and the one for all systems last.
+# The first applicable rule decides: exact methods come first, and the one for all systems last.
 RULES = (
     Rule("the system has a closed form", lambda c: has_closed_form(c.system), "closed_form"),
     Rule(

@@ -56,7 +56,7 @@ def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:
     # Not weakly typed, as the states after a step are not: the step would be traced twice.
     y0 = jax.tree.map(lambda x: jax.lax.convert_element_type(x, x.dtype), y0)
     run = Integration(field, y0, settings)
-    # A function may close over an array of NumPy, as traces hold their constants.
+    # A function may close over an array of NumPy, like the constants of traces.
     run = jax.tree.map(lambda x: jnp.asarray(x) if eqx.is_array(x) else x, run)
     return bind(solve_p, run, traced(run))
 

@@ -226,7 +226,7 @@ class Part(NamedTuple):
         hit = present & ~dip & close
         if event.touch is not None:
             hit = hit & (jnp.abs(self.along.condition(guess)) <= event.touch)
-        # Whether the search goes on inside the interval, or behind the one that it was in.
+        # Whether the search continues inside the interval, or after the previous one.
         inside = present & ~close
         first = jnp.where(search.inside, search.first, jnp.where(present, index, PARTS))
         if event.at_start:
@@ -254,7 +254,7 @@ class Part(NamedTuple):
             ends=ends,
         )
         if runs:
-            # A run whose search has ended stays there while the others go on.
+            # A run whose search has ended stays there while the others continue.
             going_on, new = barrier((search.active, new))
             new = jax.tree.map(lambda a, b: jnp.where(going_on, a, b), new, search)
         return new._replace(left=search.left - 1)

@@ -15,8 +15,8 @@ from ..core.checks import check_finite, check_positive, is_concrete
 from ..core.types import as_optional_float
 from ..solvers.protocol import solver_traits
 
-# Default relative tolerance by precision: nine digits, and what float32 can hold over a few
-# hundred steps.
+# Default relative tolerance by precision: nine digits, and the achievable accuracy of float32 over
+# a few hundred steps.
 DEFAULT_RTOL = {"float64": 1e-9, "float32": 1e-5}
 
 
@@ -262,7 +262,7 @@ def check_initial_state(y0: PyTree) -> None:
 
     def knows(x: object) -> bool:
         # By its class: an object of a user may answer to any name, and the method of an instance is
-        # a module of its own, slow to make.
+        # a separate module, slow to create.
         return hasattr(type(x), "check_start")
 
     for part in jax.tree.leaves(y0, is_leaf=knows):

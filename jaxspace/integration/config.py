@@ -120,7 +120,7 @@ def resolve(
     method that requires a capability that the system does not offer."""
     dtype = state_dtype(y0)
     rtol = DEFAULT_RTOL.get(dtype.name, 1e-2) if accuracy.rtol is None else accuracy.rtol
-    # Zero stands for a traced tolerance, for which the rules of structure decide.
+    # Zero represents a traced tolerance, for which the structural rules decide.
     known_rtol = 0.0
     if is_concrete(rtol):
         known = np.asarray(rtol)

@@ -128,7 +128,7 @@ def _zeros(
     """`crossings_between`, as the search leaves them, without derivatives."""
     along = ConditionOnRun(system, event, config, run_axes)
     samples = sampled(along, times, states)
-    # One more than are stored, which tells whether there are more.
+    # One more than stored, which reveals whether there are more.
     search = zeros_between(along, samples, event.capacity + 1, event.capacity)
     stored = jnp.minimum(search.count, event.capacity)
     used = jnp.arange(event.capacity).reshape(-1, *(1,) * stored.ndim) < stored
@@ -189,7 +189,7 @@ def _zeros_jvp(primals: tuple, tangents: tuple) -> tuple[Crossings, Crossings]:
     return eqx.filter_jvp(_integrated_to, primals, tangents)
 
 
-# A system may hold functions among its leaves.
+# A system may have functions among its leaves.
 def _fixed(x: object) -> object:
     return jax.lax.stop_gradient(x) if eqx.is_array(x) else x
 

@@ -117,7 +117,7 @@ def _first_on_flow(
     return location.located(segment, t0, t1)._replace(state=None)
 
 
-# A system may hold functions among its leaves.
+# A system may have functions among its leaves.
 def fixed(x: object) -> object:
     """The leaf without its derivatives."""
     return jax.lax.stop_gradient(x) if eqx.is_array(x) else x

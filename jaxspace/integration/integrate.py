@@ -294,7 +294,7 @@ def _reach_and_first_step(
     if request.trimmed and plan is None and not individual_steps:
         # A short run, for which a single step is mostly short enough.
         return segments.reach(), 1.0
-    # The estimate would be another copy of the vector field beside that of the search.
+    # The estimate would be another copy of the vector field in addition to that of the search.
     searched = request.for_search or sought is not None
     return None, FIRST_STEP if searched else None
 

@@ -180,8 +180,8 @@ def segments_of(
     runs = jnp.broadcast_shapes(*(x.shape[1:] for x in inner)) if inner else ()
     zero = jnp.zeros((1, *runs), total.dtype)
     one = jnp.ones((1, *runs), total.dtype)
-    # Every run has the same number of segments; where its breaks lie outside of the run, some of
-    # them have no length.
+    # Every run has the same number of segments; where its breaks are outside of the run, some of
+    # them have zero length.
     cuts = [jnp.broadcast_to(x, (x.shape[0], *runs)).astype(total.dtype) for x in inner]
     u = jnp.concatenate([zero, *cuts, one])
     return Segments(jnp.sort(u, axis=0) if inner else u, t0, total, breaks is not None)

@@ -134,7 +134,7 @@ def within_model(result: IntegrationResult, outside: Flag | None) -> Integration
     """The result with the status for runs that were `outside` the range of their system."""
     if outside is None:
         return result
-    # What befell the steps out there did so because the run left the model.
+    # Failures of steps outside the model result from leaving it.
     failures = (Status.MAX_STEPS, Status.NOT_FINITE)
     explained = result.status <= Status.TOLERANCE_MISSED
     for failure in failures:
@@ -182,7 +182,7 @@ def result_of(
         "evaluations": taken * traits.evaluations,
         "largest_local_error": error,
     }
-    # Of many states each would be selected by a status of its own.
+    # With many states each would be selected with a separate status.
     status = barrier(status_from(outcome.out_of_steps, finite, error))
     dense = None
     if settings.dense:
@@ -224,7 +224,7 @@ def _dense_output(outcome: Outcome, segments: Segments, y0: State, run_axes: int
     start = jnp.broadcast_to(segments.t0, times.shape[1:])[None]
     ts = jnp.concatenate([start, jnp.where(every, times, jnp.inf)])
 
-    # Beyond the last step the buffer holds nothing.
+    # Beyond the last step the buffer is empty.
     def with_start(first: Array, others: Array) -> Array:
         missing = (1,) * (others.ndim - taken.ndim)
         rows = taken.reshape(taken.shape[0], *missing, *taken.shape[1:])

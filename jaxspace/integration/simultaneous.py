@@ -73,7 +73,7 @@ def simultaneous_events(
         zero = zero | _just_passed(event, system, found, number, at, (value, forwards * slope))
         if event.touch is not None:
             zero = zero & (jnp.abs(event.condition(t, y)) <= event.touch)
-        # A run that goes on for no longer than roundings has not left the zero of its start.
+        # A run that continues only for rounding times has not left the zero at its start.
         near = jnp.abs(t - t0) <= APART * _eps(value) * jnp.maximum(jnp.abs(t0), jnp.abs(t))
         stays = near & (jnp.abs(event.value(system, t0, y0)) <= limit)
         if event.at_start:

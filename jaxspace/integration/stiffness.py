@@ -116,8 +116,8 @@ def of_each(starts: InitialConditions, function: Callable[..., PyTree], given: A
         starts.runs,
         starts.run_axes,
     )
-    # What all runs share has an axis of length one for them: a run without it would broadcast
-    # against the components.
+    # Shared arrays have a batch axis of length one: without it they would broadcast against the
+    # components.
     batch = jax.tree.map(lambda x, n: x[..., None] if n else x, batch, list(starts.run_axes[:2]))
     picked = (*batch, ts)
     axes = jax.tree.map(lambda n: 0 if n else None, starts.run_axes)

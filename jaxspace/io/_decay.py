@@ -97,7 +97,7 @@ def _of_revolutions(record: Record, starts: NDArray, side: float, apart: float) 
         more = 2.0 * np.pi * np.arange(np.clip(np.ceil(apart / shortest), 1, MOST_IN_GAP))
         after = (np.mod(ahead, 2.0 * np.pi) + more[:, None, None]) / rate
         after = after.reshape(-1, len(starts))
-    # States beyond a decay may be on no ellipse: their own time is enough.
+    # States beyond a decay may not be on an ellipse: their own time is sufficient.
     after = np.where(np.isfinite(after), after, 0.0) * side
     ts = np.concatenate([starts[None], starts + after]).ravel()
     return ts[np.argsort(np.abs(ts))]

@@ -29,7 +29,7 @@ class Instant(NamedTuple):
         """Seconds from the `start`, of which none is a leap second."""
         if isinstance(start, datetime):
             start = Instant(start, 0.0)
-        # The whole seconds first, so that the fractions keep their digits.
+        # The whole seconds first, so that the fractions are accurate.
         return (self.second - start.second).total_seconds() + (self.fraction - start.fraction)
 
 

@@ -58,7 +58,7 @@ class FileContent:
     @property
     def start(self) -> float:
         """The time of the initial state, s."""
-        # Phases have durations: no entry of a mission says when it starts.
+        # Phases have durations: a mission has no entry for its start time.
         return 0.0 if self.parsed.is_mission else self.values["times"]["start"]
 
     @property

@@ -148,7 +148,7 @@ def method_names(known: Catalog) -> list[str]:
     for way in method_kind(known).ways:
         kind = way.entries["name"].kind
         names += kind.names if isinstance(kind, OneName) else ()
-    # Once each: a method may stand in several forms of its table.
+    # Once each: a method may occur in several forms of its table.
     return list(dict.fromkeys(names))
 
 
@@ -173,7 +173,7 @@ def _ways(kind: Object, indent: str = "    ") -> list[str]:
             lines.append(f"{indent}or")
         for key, entry in way.entries.items():
             lines.append(f"{indent}{key}{_unit(entry)}: {entry.doc}{_default(entry)}")
-            # A bare object reads like a number: its entries need no lines of their own.
+            # A bare object reads like a number: its entries need no separate lines.
             inner = entry.kind.kind if isinstance(entry.kind, OneOrMore) else entry.kind
             if isinstance(inner, Object) and not inner.ways[0].bare:
                 lines += _ways(inner, indent + "  ")

@@ -186,7 +186,7 @@ def _of_xml(path: str, text: str) -> list[Satellite]:
     parser.CharacterDataHandler = content.append
     parser.EntityDeclHandler = entity
     try:
-        # As bytes of UTF-8, whatever encoding the file says that it had.
+        # As UTF-8 bytes, independent of the encoding declared in the file.
         parser.Parse(text.encode(), True)
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)

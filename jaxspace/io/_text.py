@@ -44,7 +44,7 @@ def read_toml(path: str | os.PathLike[str], text: str | None) -> tuple[Values, s
         data = tomllib.loads(text)
         _check_nested(data)
     except tomllib.TOMLDecodeError as error:
-        # Sentences begin with the path of the file, and go on in small letters.
+        # Messages begin with the path of the file, and continue in lower case.
         raise SceneError(path, f"is not TOML: {str(error)[0].lower()}{str(error)[1:]}.") from error
     except RecursionError:
         raise SceneError(

@@ -33,13 +33,13 @@ DECIMAL = r" *[-+]?[0-9]*\.[0-9]+ *"
 # A mantissa after its decimal point, and a power of ten.
 POWER = r" *[-+]?\.?[0-9]+[-+ ][0-9]"
 COUNT = r" *[0-9]* *"
-# A letter stands for the numbers 10 to 33, without I and O: "alpha-5".
+# A letter represents the numbers 10 to 33, without I and O: "alpha-5".
 CATALOGUE = r"[ 0-9A-HJ-NP-Z][ 0-9]{3}[0-9]"
 
 # The fastest satellite about the earth: at its surface 17 revolutions per day.
 FASTEST = 18.0
 
-# By line: the name of a field, its first and last column, and what stands there.
+# By line: the name of a field, its first and last column, and its content.
 Field: TypeAlias = tuple[str, int, int, str]
 FIELDS: dict[str, tuple[Field, ...]] = {
     "1": (

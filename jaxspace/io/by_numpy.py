@@ -216,7 +216,7 @@ def _argument(function: Callable[..., Known]) -> Rule:
     return rule
 
 
-# Operations without a rule that are compiled by themselves, where the function that holds them is
+# Operations without a rule that are compiled by themselves, where the enclosing function is
 # computed by NumPy.
 ALONE = {"scan", "gather", "scatter", "sort", "dot_general"}
 # By the names that jaxprs show, because not every version of JAX has all of them.

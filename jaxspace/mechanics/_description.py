@@ -27,7 +27,7 @@ class AbstractDescription(AbstractSystem):
     """A Lagrangian, its coordinates, further forces and constraints; see `AbstractLagrangian`."""
 
     if TYPE_CHECKING:
-        # For checkers no field, which would stand before those of a subclass.
+        # Not a field for type checkers, because it would precede those of a subclass.
         @property
         def names(self) -> tuple[str, ...]: ...
     else:

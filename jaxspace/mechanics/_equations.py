@@ -30,8 +30,8 @@ WRITTEN_OUT = 6
 
 def momenta(function: ScalarFunction, t: Scalar, q: Coordinates, v: Coordinates) -> Coordinates:
     """The generalised momenta dL/dv, (n, *runs)."""
-    # The gradient of the sum over the runs: each run depends on its own rates alone, so that one
-    # reverse pass serves all.
+    # The gradient of the sum over the runs: each run depends on its own rates only, so that one
+    # reverse pass is sufficient for all.
     return jax.grad(lambda v: jnp.sum(function(t, q, v)))(v)
 
 

@@ -230,7 +230,7 @@ def _two_span_shape(ends: Ends, root: float, x: Scalar, derivative: int, support
         for (end, s), share in zip(spans, shares, strict=True)
     )
     left = x <= support
-    # Each span at places of its own alone: beyond its pin it would grow without bound.
+    # Each span only at its own positions: beyond its pin it would grow without bound.
     near = _span(*(first, b * jnp.where(left, x, 0.0)), spans[0][1], derivative, jnp)
     far = _span(*(last, b * jnp.where(left, 0.0, 1.0 - x)), spans[1][1], derivative, jnp)
     far = (-1.0) ** derivative * shares[1] * far

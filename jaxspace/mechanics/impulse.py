@@ -92,7 +92,7 @@ def apply_impact(
     impulses = jnp.zeros_like(speed)
     # A contact that pulls is dropped, and may change the sign of another one.
     for _ in range(count):
-        # A row of the identity holds a contact that is left out at zero: shapes must not depend on
+        # A row of the identity keeps an omitted contact at zero: shapes must not depend on
         # numbers.
         coupled = jnp.where(active[:, None] & active[None], stiffness, one)
         right = jnp.where(active, -(1.0 + restitution) * speed, 0.0)

@@ -186,7 +186,7 @@ def _fractions(u: Scalar) -> tuple[Scalar, Scalar]:
     small = jnp.abs(u) < 1.0
     near, far = jnp.where(small, u, 0.0), jnp.where(small, 1.0, u)
     c, s = stumpff(near * near)[:2]
-    # 1 - cos(u) as 2 sin^2(u/2), which keeps its digits near every full turn.
+    # 1 - cos(u) as 2 sin^2(u/2), which is accurate near every full turn.
     half = jnp.sin(0.5 * far) / far
     return (
         jnp.where(small, c, 2.0 * half * half),

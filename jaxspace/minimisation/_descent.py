@@ -59,7 +59,7 @@ def evaluate(s: DescentState, setting: Setting) -> Evaluation:
 def _trial_point(s: DescentState, setting: Setting) -> Float[Array, " n"]:
     z = setting.point(s.trial)
     # Probes of the gradient and of the curvature are points of the problem itself, other trials are
-    # free numbers.
+    # unconstrained variables.
     return jnp.where((s.calls < 0) | (s.displaced == 1), s.trial, z)
 
 

@@ -20,7 +20,7 @@ from ..core.jit import QUICK, compiled
 from ..core.tracing import is_traced
 from .search_store import SearchStore
 
-# What a search carries from step to step, and what is evaluated for it.
+# The carry of a search, and the values evaluated for it.
 S = TypeVar("S", bound=Any)
 F = TypeVar("F")
 P = ParamSpec("P")
@@ -56,8 +56,8 @@ def drive(
     if not is_traced(state):
         # A weak type of the start would make another program of each further step.
         state = at_once(_strong, state)
-        # What `evaluate` holds as arrays is an argument of the program, which another search of
-        # the same problem then shares.
+        # Arrays of `evaluate` are arguments of the program, which other searches of the same
+        # problem then share.
         evaluated = compiled(evaluate)
         first = evaluated(state)
         # If the problem closes over traced numbers, its results are traced.

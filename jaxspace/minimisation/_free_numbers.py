@@ -35,7 +35,8 @@ class FreeNumbers(NamedTuple):
         """The z of unconstrained variables."""
         below, above, low, h = self._sides()
         high = jnp.where(above, self.high, 0.0)
-        # By the half of the difference, which keeps the digits of a z that is small beside h.
+        # By the half of the difference, which preserves the digits of a z that is small compared
+        # with h.
         half = 0.5 * (q - self.start) / h
         both = self.start + 2.0 * h * jnp.cos(self._phase(low, h) + half) * jnp.sin(half)
         root = q * q / (1.0 + jnp.sqrt(1.0 + q * q))

@@ -92,7 +92,7 @@ class Judged(NamedTuple):
         change = slope(displaced, self.y, self.nu) - slope(self.at, self.y, self.nu)
         reach = self.reach(limits)
         found = jnp.abs(change) / (DISPLACEMENT * jnp.where(reach > 0.0, reach, self.size))
-        # Beyond its domain the objective tells nothing.
+        # Beyond its domain the objective is meaningless.
         return jnp.where(displaced.sound(), found, jnp.inf)
 
 

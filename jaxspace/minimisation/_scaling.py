@@ -70,8 +70,8 @@ def scaled_problem(
     given."""
     x0, unravel = ravel_pytree(start)
     low, high = (ravel_pytree(b)[0] for b in limits)
-    # A start outside of the bounds would leave the first programme without a solution, and says
-    # nothing of the size of the unknowns.
+    # A start outside of the bounds would leave the first programme without a solution, and does not
+    # indicate the size of the unknowns.
     x0 = jnp.clip(x0, low, high)
     size = _sizes(x0, low, high) if scale is None else ravel_pytree(scale)[0].astype(x0.dtype)
     if before is not None:

@@ -24,8 +24,8 @@ from ._scaling import ScaledProblem
 from .optimiser import SQP, as_stepper
 from .search_store import SearchStore
 
-# In sizes of the unknowns: a line search of optax goes on by its largest step, 1e6 at most, where
-# the objective falls without bound.
+# In sizes of the unknowns: a line search of optax continues with its largest step, 1e6 at most,
+# where the objective falls without bound.
 FARTHEST_BY_OPTAX = 1e7
 
 # How many unknowns there may be for each number that is differentiated, up to which forward mode
@@ -125,7 +125,8 @@ def _by_programmes(
             check,
             limits,
         ),
-        # Trees of arrays and of functions of this module: their programs serve other searches.
+        # Trees of arrays and of functions of this module: their programs are reused by other
+        # searches.
         eqx.Partial(_evaluated, scaled, ratio),
         eqx.Partial(sqp.advance, limits=limits, curvature=curvature),
         eqx.Partial(sqp_state.unfinished, limits=limits),

@@ -193,7 +193,7 @@ def _planned(s: SqpState, limits: Limits) -> SqpState:
     # An equality enters the programme as two inequalities, whose multipliers subtract.
     y = lam[me + mi : 2 * me + mi] - lam[:me]
     pending = Pending(p, y, lam[me : me + mi], solved)
-    # Clipped, because the programme meets the bounds to rounding only.
+    # Clipped, because the programme satisfies the bounds to rounding only.
     return s._replace(trial=jnp.clip(s.x + p, limits.lower, limits.upper), pending=pending)
 
 
@@ -272,7 +272,7 @@ def _stepped(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
     moved = s._replace(
         x=keep(s.trial, s.x),
         at=jax.tree.map(keep, end.at, s.at),
-        # A refused step tells nothing of the curvature at the point that stays.
+        # A rejected step has no information on the curvature at the current point.
         B=keep(damped_bfgs(s, end.at, p, y, nu), s.B),
         y=keep(y, s.y),
         nu=keep(nu, s.nu),

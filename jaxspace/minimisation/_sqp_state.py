@@ -98,7 +98,7 @@ class SqpState(NamedTuple):
 
     def resumed(self, rows: Array) -> "SqpState":
         """The state from which the search continues, with space for further `rows`."""
-        # What was pending when it ended is evaluated first.
+        # A step pending at its end is evaluated first.
         return self._replace(rows=rows, taken=jnp.asarray(0))
 
 

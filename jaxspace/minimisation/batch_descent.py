@@ -240,7 +240,7 @@ def _advance(s: BatchState, scaled: ScaledProblem, stepper: Stepper, average: fl
     me = scaled.me
     own = s.multipliers.of(scaled_values[1 : 1 + me], scaled_values[1 + me :])
     g = rows[0] + own.y @ rows[1 : 1 + me] - own.nu @ rows[1 + me :]
-    # What is not finite must not reach what the optimiser remembers.
+    # Values that are not finite must not reach the state of the optimiser.
     safe_g = jnp.where(sound, g, 0.0)
     update, optimiser = stepper.step(s.z, safe_g, scaled_values[0], lambda q: q[0], s.optimiser)
     z = jnp.clip(s.z + update, scaled.low, scaled.high)

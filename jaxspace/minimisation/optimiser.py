@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
     Optimiser: TypeAlias = optax.GradientTransformation | str
 else:
-    # Without the import; `check_optimiser` says what is allowed.
+    # Without the import; `check_optimiser` defines the allowed values.
     Optimiser: TypeAlias = object
 
 SQP = "sqp"
-# Fields of what an optimiser holds of the function itself: differences of its gradients, and the
-# value at the end of a line search.
+# Fields of an optimiser's state that depend on the function itself: differences of its gradients,
+# and the value at the end of a line search.
 OF_THE_FUNCTION = {"diff_params_memory", "value"}
 
 

@@ -169,7 +169,7 @@ def _search(
         burn = SteeredBurn(insertion.thrust, made(x["law"]), insertion.mu, T)
         flight = simulate_compact(Mission(Phase(burn, T)), insertion.start, steps=steps)
         end = flight.final
-        # In units of the target, so that one tolerance serves lengths and speeds.
+        # In units of the target, so that one tolerance applies to lengths and speeds.
         miss = [end.radius / radius - 1.0, (end.radial - target.radial) / speed]
         if form == "time":
             objective, miss = x["duration"], [*miss, end.across / speed - 1.0]

@@ -92,7 +92,7 @@ class FlownStaging(HashedModule):
     height_price: Float[Array, ""]
     greatest_speed: Float[Array, ""]
     converged: Bool[Array, ""]
-    # Last, for its many numbers are cut where a result is printed.
+    # Last, because its many numbers are truncated in printed results.
     minimum: Minimum
 
     def sentence(self) -> str:

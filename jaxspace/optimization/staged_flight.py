@@ -95,7 +95,7 @@ def run_stages(goal: Goal, masses: Float[Array, " stages"], kick: Scalar) -> Sta
     carried = jnp.cumsum(whole[::-1])[::-1] + goal.payload
     burnt = (1.0 - b) * masses
     times = burnt * u / F
-    # By the burnt fraction, which keeps its digits where a stage vanishes.
+    # By the burnt fraction, which is accurate where a stage vanishes.
     ideal = -jnp.sum(u * jnp.log1p(-burnt / carried))
 
     def burn(i: int, duration: Scalar, straight: bool, jump: Jump, name: str) -> Phase:

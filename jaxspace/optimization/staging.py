@@ -97,7 +97,7 @@ def equal_stages_payload(
     the velocity.
     """
     each = as_float(total_velocity) / (exhaust_velocity * stages)
-    # ln of the ratio by its difference from 1, which keeps its digits for many stages.
+    # ln of the ratio by its difference from 1, which is accurate for many stages.
     lost = -jnp.expm1(-each) / (1.0 - structural_factor)
     able = lost < 1.0
     finite = jnp.isfinite(as_float(stages))
@@ -236,14 +236,14 @@ def _descend(u: Stages, b: Stages, v: Scalar) -> Staging:
     # Each stage has the share q_i^2 / sum_j q_j^2 of the velocity: every q satisfies the
     # constraint, and the bound mu_i = 1 is the ordinary point q_i = 0. Where each stage alone
     # exceeds the difference from the limit, none can vanish, and the shares are those of the
-    # difference, which keeps the digits of 1 - b_i mu_i.
+    # difference, which preserves the digits of 1 - b_i mu_i.
     most = -u * jnp.log(b)
     limit = jnp.sum(most)
     left = limit - v
     near = left < jnp.min(most)
     whole, sign = jnp.where(near, left, v), jnp.where(near, -1.0, 1.0)
-    # (1 - b mu)/(1 - b) is -expm1(-short)/(1 - b), or 1 - b expm1(s)/(1 - b): each by the small
-    # difference that it has, which keeps the digits near the limit and of slow rockets.
+    # (1 - b mu)/(1 - b) is -expm1(-short)/(1 - b), or 1 - b expm1(s)/(1 - b): each from its small
+    # difference, which is accurate near the limit and for slow rockets.
     factor = -jnp.where(near, 1.0, b) / (1.0 - b)
 
     def log_stage_masses(q: Stages) -> tuple[Stages, Stages, Stages]:

@@ -116,7 +116,7 @@ def _advanced(
     """x + d, G2(x + d) and G3(x + d) for a small d, by the addition formulas."""
     g0 = 1.0 - beta * g2
     g1 = x - beta * g3
-    # G2(d) and G3(d) by three terms of their series, which serve |beta| d^2 < 1e-4 to rounding.
+    # G2(d) and G3(d) from three terms of their series, accurate to rounding for |beta| d^2 < 1e-4.
     w = beta * d * d
     d2 = 0.5 * d * d * (1.0 - w / 12.0 * (1.0 - w / 30.0))
     d3 = d * d * d / 6.0 * (1.0 - w / 20.0 * (1.0 - w / 42.0))
@@ -171,7 +171,7 @@ def _mikkola(t: Scalar, conic: _Conic) -> Scalar:
     a = q * k
     b = 0.5 * t * k
     # z is the cube root in Cardano's formula. The form of x below has terms of one sign only, and
-    # holds at the parabola, where a is zero or s small.
+    # is valid at the parabola, where a is zero or s small.
     least = float(jnp.finfo(b.dtype).tiny)
     z = jnp.maximum(jnp.abs(b) + jnp.sqrt(b * b + a * a * a), least)
     z2 = barrier(jnp.exp(jnp.log(z) * (2.0 / 3.0)))
@@ -218,7 +218,7 @@ def _from_start(end: Anomaly, sigma: Scalar, beta: Scalar, terms: Scalar) -> Ano
     g2, g3 = _g(chi, beta, stumpff)
     g1 = chi - beta * g3
     # Kepler's equation from the start corrects the result where its terms are the smaller ones, so
-    # that a short duration keeps all of its digits.
+    # that a short duration retains full accuracy.
     early = left - g1 - sigma * g2 - g3
     better = jnp.abs(g1) + jnp.abs(sigma) * g2 + jnp.abs(g3) < terms
     d = barrier(jnp.where(better, early / rho, 0.0))

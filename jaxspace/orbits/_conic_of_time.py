@@ -60,7 +60,7 @@ def _conic_rule(
     x = conic_of_time(time, lam, kappa, revolutions, low)
     _, slope, y, _ = transfer_time(x, lam, kappa, revolutions)
     # dT = (dT/dx) dx + (dT/dlambda) dlambda, with dkappa = -2 lambda dlambda. Close to lambda = 1
-    # kappa is small, and its differential keeps more digits than that of lambda.
+    # kappa is small, and its differential is more accurate than that of lambda.
     by_place = jnp.where(jnp.abs(lam) > 0.7, lam * dkappa, -2.0 * lam * lam * dlam) / y
     return x, (dtime - by_place) / slope
 
@@ -95,7 +95,7 @@ def _derivatives(
     value, slope, y, _ = transfer_time(x, lam, kappa, revolutions)
     energy = (1.0 - x) * (1.0 + x)
     # At the parabola the higher derivatives are 0/0. They only speed up the iteration, so that a
-    # floor under the divisor serves: the root does not depend on it.
+    # floor of the divisor is sufficient: the root does not depend on it.
     least = math.sqrt(jnp.finfo(x.dtype).eps)
     energy = jnp.where(jnp.abs(energy) < least, jnp.copysign(least, energy), energy)
     per_y, per_energy = barrier((1.0 / y, 1.0 / energy))
@@ -238,8 +238,9 @@ def _root(
         low = jnp.where(value < 0.0, x, low)
         high = jnp.where(value > 0.0, x, high)
         new = x + change
-        # A step out of the interval is replaced by a bisection. By a rounding of the value the root
-        # itself may lie out of it: a bisection as short as the last step would end the iteration.
+        # A step out of the interval is replaced by a bisection. Due to rounding of the value the
+        # root itself may be outside of it: a bisection as short as the last step would end the
+        # iteration.
         last = jnp.abs(change) <= close * size(x)
         inside = (new >= low) & (new <= high)
         held = jnp.where(last, jnp.clip(new, low, high), 0.5 * (low + high))

@@ -106,7 +106,7 @@ class KustaanheimoStiefel(AbstractRegularised):
         energy = jnp.maximum(jnp.abs(z0[8]), jnp.abs(z1[8]))
         # On an ellipse of constant size: w itself is small about the apoapsis.
         w2 = w2 + 0.5 * energy * r
-        # E is zero on a parabola: a hundredth of the attraction keeps the error of E in proportion.
+        # E is zero on a parabola: a hundredth of the attraction is used to scale the error of E.
         energy = energy + 0.01 * self.mu / r
         of_energy = x[8] / energy
         return jnp.sqrt(dot4(x[:4], x[:4]) / r + dot4(x[4:8], x[4:8]) / w2 + of_energy * of_energy)

@@ -216,7 +216,8 @@ class _Orbit(eqx.Module):
     def of_state(cls, r: Vector, v: Vector, mu: Scalar) -> "_Orbit":
         h = cross(r, v)
         # The tilt of h from the z axis: its side over |h| + h_z.
-        # Put together, for the z of a difference has a derivative in reverse mode, which cancels.
+        # Assembled from components, because the z of a difference has a derivative in reverse mode,
+        # which cancels.
         x, y, z = components(h)
         tau = scale(1.0 / (norm(h) + z), jnp.stack([x, y, jnp.zeros_like(z)]))
         per_a = 2.0 * inverse_norm(r) - quotient(dot(v, v), mu)

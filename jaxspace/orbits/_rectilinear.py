@@ -44,7 +44,7 @@ def rectilinear_motion(
     total = start + R
     T = safe_divide(duration, total)
     z = dot(velocity, velocity) * T * T
-    # 1 - z as a sum, which keeps its digits far out.
+    # 1 - z as a sum, which is accurate far out.
     rest = 2.0 * safe_divide(start * total + duration * dot(position, velocity), total * total)
     # The line begins at the centre, ends there or passes it.
     hit = (start * R == 0.0) | (rest <= 0.0)

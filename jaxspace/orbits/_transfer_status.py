@@ -100,7 +100,7 @@ def geometry_status(
         # A normal along the start leaves no plane either.
         across = cross(i1, up)
         opposite = opposite & (dot(across, across) <= noise * noise * size)
-    # The last condition that holds decides: where inputs are invalid, the others mean nothing.
+    # The last true condition decides: for invalid inputs, the others are meaningless.
     undecided = way_is_undecided(directions, normal)
     status = jnp.where(undecided, TransferStatus.NO_WAY, TransferStatus.FOUND)
     status = jnp.where(opposite, TransferStatus.NO_PLANE, status)

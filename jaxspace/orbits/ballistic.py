@@ -86,7 +86,7 @@ def ballistic_flight(
     lam = quotient(r * speed * speed, mu)
     s, c = jnp.sin(flight_path_angle), jnp.cos(flight_path_angle)
     closed = lam < 2.0
-    # The range alone stays finite beyond the escape speed: NaN here serves all three results.
+    # Only the range is finite beyond the escape speed: NaN here applies to all three results.
     lam = jnp.where(closed, lam, jnp.nan)
     p = lam * c * c
     cosine = 1.0 - p

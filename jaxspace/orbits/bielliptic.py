@@ -43,7 +43,7 @@ def bielliptic_break_even(ratio: Scalar) -> Scalar:
     x = jnp.where(x < 1.0, 1.0 / x, x)
     one = jnp.ones_like(x)
     never, always = _excess(0.0 * one, x) >= 0.0, _excess(one, x) <= 0.0
-    # Thirteen lies between both limits: a ratio without a root takes it, so that nothing is NaN.
+    # Thirteen is between both limits: it replaces a ratio without a root, so that nothing is NaN.
     u = _root(jnp.where(never | always, 13.0, x))
     return jnp.where(never, math.inf, jnp.where(always, x, jnp.where(never | always, 13.0, x) / u))
 

@@ -154,8 +154,8 @@ def orbit_from_burnout(
     **Returns** position, m, and velocity, m/s, each (3, *runs).
 
     **Raises** `InputError` for a radius, a speed or a parameter that is not positive."""
-    # The place is that on a circle, and the velocity follows from its directions there: a velocity
-    # straight up then needs no case of its own.
+    # The place is that on a circle, and the velocity follows from its directions there: a vertical
+    # velocity then needs no special case.
     r = as_float(burnout_radius)
     zero = 0.0 * r
     circle = ClassicalElements(r, zero, inclination, node, argument_of_latitude, zero)

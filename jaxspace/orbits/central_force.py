@@ -79,8 +79,8 @@ def power_law_potential(r: Scalar, k: Scalar, n: Scalar, zero_at: Scalar = 1.0) 
 
     **Returns** U, m^2/s^2, (*runs,).
     """
-    # U has a removable singularity at n = 1: phi1(x) = (e^x - 1)/x holds there with all its
-    # derivatives. A zero at infinity would serve n > 1 alone.
+    # U has a removable singularity at n = 1: phi1(x) = (e^x - 1)/x is valid there with all its
+    # derivatives. A zero at infinity would work for n > 1 only.
     logarithm = jnp.log(r / zero_at)
     return k * jnp.power(zero_at, 1.0 - n) * logarithm * phi1((1.0 - n) * logarithm)
 
@@ -112,7 +112,8 @@ def shell_potential(r: Scalar, mu: Scalar, radius: Scalar) -> Scalar:
 
     - `r`: distance from the centre, m, (*runs,).
     - `mu`, `radius`: as in `shell_gravity`."""
-    # The greater radius serves both sides: constant inside, continuous at the surface, never 1/0.
+    # The greater radius is used on both sides: constant inside, continuous at the surface, never
+    # 1/0.
     return -mu / jnp.maximum(r, radius)
 
 

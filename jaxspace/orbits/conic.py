@@ -60,7 +60,7 @@ def eccentric_anomaly(true_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
     turns = _TURN * jnp.round(f / _TURN)
     half = 0.5 * (f - turns)
     # Of half the angle, whose ratio loses no digits near the parabola.
-    # Each form gets an eccentricity of its own kind: the root of the other kind is NaN.
+    # Each form gets an eccentricity of its kind: the root of the other kind is NaN.
     inner, outer = jnp.where(closed, e, 0.0), jnp.where(closed, 2.0, e)
     out, across = jnp.cos(half), jnp.sin(half)
     angle = jnp.arctan2(jnp.sqrt(1.0 - inner) * across, jnp.sqrt(1.0 + inner) * out)

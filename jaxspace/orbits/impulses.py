@@ -77,7 +77,7 @@ def tangential_impulse(
     # By the difference of the squares, which is exact for a small impulse. Where a circle remains a
     # circle, the sum to divide by is zero.
     de = safe_divide(w * (2.0 * (C + e * e) + w * speed2), new_e + e)
-    # Without the factor e of both sides, so that a circle keeps the direction of its anomaly.
+    # Without the factor e of both sides, so that a circle retains the direction of its anomaly.
     df = safe_atan2(-w * sine, e + w * (cosine + e))
     # By 1/a, whose change is exact: a difference of the axes has no digits for a small impulse.
     per_a = (1.0 - e) * (1.0 + e) / p

@@ -144,7 +144,7 @@ def _motion(
     beta = 2.0 - quotient(v2, speed_unit * speed_unit)
     h = cross(position, velocity) * scale
     time_unit = quotient(r0, speed_unit)
-    # p is a function of sigma and beta, whose derivatives include its own.
+    # p is a function of sigma and beta, whose derivatives include those of p.
     p = jax.lax.stop_gradient(dot(h, h))
     sigma, beta, tau, p = barrier((sigma, beta, quotient(duration, time_unit), p))
     end = _anomaly(sigma, beta, tau, p)
@@ -153,7 +153,7 @@ def _motion(
     g = (end.left - end.g3) * time_unit
     rate_f = quotient(-g1, end.rho * time_unit)
     rate_g = 1.0 - end.g2 / end.rho
-    # Each factor serves three components.
+    # Each factor is shared by three components.
     f, g, rate_f, rate_g = barrier((f, g, rate_f, rate_g))
     return f * position + g * velocity, rate_f * position + rate_g * velocity
 

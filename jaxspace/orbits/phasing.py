@@ -73,7 +73,7 @@ def phasing(
     a = as_float(semi_major_axis)
     turns = revolutions if target_revolutions is None else target_revolutions
     period = 2.0 * math.pi * a * jnp.sqrt(quotient(a, mu))
-    # The change of the period and not the period, so that a small lead keeps its digits.
+    # The change of the period and not the period, so that a small lead is accurate.
     longer = ((turns - revolutions) - lead / period) / revolutions
     growth = jnp.expm1(2.0 / 3.0 * jnp.log1p(longer))
     new = a * (1.0 + growth)

@@ -96,7 +96,7 @@ def sunlight(
     ends. In parallel light it is a step, whose derivative is zero."""
     a, b, c = _angles(position, sun, radius, sun_radius)
     if sun_radius is None:
-        # In the precision of the angles, which two Python numbers do not say.
+        # In the precision of the angles, which two Python numbers do not define.
         return jnp.where(c > b, 1.0, 0.0).astype(jnp.result_type(c))
     return 1.0 - _hidden_part(*barrier(jnp.broadcast_arrays(a, b, c)))
 
@@ -149,7 +149,7 @@ def _hidden_part_rule(primals, tangents):
 @computed_once
 def _half_angles(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar]:
     """alpha and beta, rad: 0 for disks that do not overlap, pi for one that is covered."""
-    # A negative side says that one disk lies within the other.
+    # A negative side means that one disk is within the other.
     total, x, y, z = (jnp.maximum(s, 0.0) for s in (a + b + c, b + c - a, a + c - b, a + b - c))
     # The square root of a square at the ends has no slope: the rule above does without it.
     alpha = 2.0 * safe_atan2(safe_sqrt(x * z), safe_sqrt(total * y))

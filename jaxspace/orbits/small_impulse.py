@@ -48,7 +48,7 @@ def impulse_change(
 
     if first_order:
         change = jax.jvp(elements, (velocity,), (impulse,))[1]
-        # A plain dictionary: changes need not lie in the ranges of `ClassicalElements`.
+        # A plain dictionary: changes need not be in the ranges of `ClassicalElements`.
         return dict(vars(change))
     before, after = vars(elements(velocity)), vars(elements(velocity + impulse))
     result = {}

@@ -80,6 +80,6 @@ def steps_for(
     # A run that nothing attracts, or whose state is NaN, does not decide for the others.
     revolutions = float(np.nanmax(n)) * abs(float(duration)) / (2.0 * np.pi)
     least = per_revolution * max(1.0, revolutions)
-    # Half-integer powers of two; the margin keeps an exact power where it is in spite of rounding.
+    # Half-integer powers of two; the margin preserves exact powers in spite of rounding.
     power = 0.5 * math.ceil(2.0 * math.log2(least) - 1e-9)
     return 2 * math.ceil(0.5 * 2.0**power)

@@ -104,7 +104,7 @@ def time_of_flight(
     time = _outwards(jnp.where(across, 0.0, near), far, e)
     time = time + jnp.where(across, _outwards(0.0 * e, jnp.where(across, -near, 0.0), e), 0.0)
     time = jnp.where(forwards != inbound, time, -time)
-    # An open orbit has no whole turns: what rounds to one lies behind an asymptote.
+    # An open orbit has no whole turns: a value that rounds to one is beyond an asymptote.
     beyond = ~closed & ((turns[0] != 0.0) | (turns[1] != 0.0))
     return unit_of_time * jnp.where(beyond, jnp.nan, time + whole)
 

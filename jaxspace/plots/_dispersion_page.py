@@ -173,7 +173,7 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
                 if result
                 else ["", ""]
             )
-            # No sign stands at the end of a line.
+            # No sign at the end of a line.
             cells += [re.sub("([≥≤]) ", "\\1\u00a0", dispersion.required(row.name)), *words]
         if verdicts:
             verdict = verdicts.get(row.name)
@@ -306,7 +306,7 @@ def _failure(dispersion: "Dispersion", failure: "Failure") -> list[str]:
 def _record(dispersion: "Dispersion") -> str:
     """The record of how the runs were made, one line for each entry."""
     record = {"seed": dispersion.seed, "seconds": f"{dispersion.seconds:.4g}"}
-    # The inputs have a section of their own.
+    # The inputs have a separate section.
     record |= {k: v for k, v in dispersion.attributes.items() if k != "inputs"}
     # By their names: a table of measured values may be longer than all the rest.
     if "files" in record:

@@ -31,7 +31,7 @@ def state_leaves(state: "State", name: str = "", unit: str = "") -> list[tuple[s
         return [(name or "state", unit, state)]
     result = []
     for key, unit, value in members:
-        # "parts" only collects what effects add: its members have names of their own.
+        # "parts" only collects what effects add: its members have separate names.
         path = " ".join(word for word in (name, key) if word and word != "parts")
         result += state_leaves(value, path, unit)
     return result

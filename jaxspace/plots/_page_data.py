@@ -59,7 +59,8 @@ def page_data(
         "histograms": histograms,
         "contributors": {n: _contributors(dispersion, n, count) for n in outputs},
         "convergence": {n: _convergence(dispersion, n, rows[n]) for n in outputs},
-        # What differs by rounding alone has one bin: it shows nothing against the others.
+        # Values that differ by rounding only have one bin, which shows no correlation with the
+        # others.
         "matrix": [n for n, h in histograms.items() if h and len(h["counts"]) > 1][:MOST_OUTPUTS],
         "time": time_budget(dispersion),
         "trajectories": _trajectories(paths),
@@ -181,7 +182,7 @@ def _one_sided(values: np.ndarray) -> bool:
     if not deviation > 0.0:
         return False
     skewness = float(np.mean(((finite - finite.mean()) / deviation) ** 3))
-    # Of a normal law it scatters by sqrt(6/n): what stands out by chance claims nothing.
+    # For a normal law its standard deviation is sqrt(6/n): random excursions are ignored.
     return abs(skewness) > max(0.6, 4.0 * math.sqrt(6.0 / finite.size))
 
 
@@ -244,7 +245,7 @@ def _convergence(dispersion: "Dispersion", name: str, row: "Row") -> Record | No
     known = np.isfinite(result.low) & np.isfinite(result.high)
     low, high = (np.where(known, x, result.limit) for x in (result.low, result.high))
     words = "too few runs for an interval"
-    # Among infinite runs an end that is infinite is what the runs say.
+    # With infinite runs, an infinite end is correct.
     if known[-1] or row.above or row.below:
         ends = (row.shown(x) for x in (result.limit[-1], result.low[-1], result.high[-1]))
         words = "99 % limit {}, with 95 % confidence from {} to {}".format(*ends)

@@ -11,7 +11,7 @@ from ._style import BAD, dress
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Of the least total: what lies above the last level is left white.
+# Relative to the least total: values above the last level are left white.
 LEVELS = np.array([1.0, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0])
 
 

@@ -181,7 +181,7 @@ def _part_resolved(y: np.ndarray, f: np.ndarray, ts: np.ndarray, kinks: int) -> 
     `y`, `f`: (components, times, runs); `ts`: (times, runs or 1)."""
     span = np.fmax.reduce(y, axis=1) - np.fmin.reduce(y, axis=1)
     missed = np.abs(np.diff(y, axis=1) - 0.5 * np.diff(ts, axis=0) * (f[:, 1:] + f[:, :-1]))
-    # What is constant but for rounding has nothing to resolve.
+    # Values that are constant up to rounding need no resolution.
     moves = missed > CONSTANT * np.fmax.reduce(np.abs(y).reshape(-1))
     far = moves & (missed > MISSED * span[:, None])
     return not np.any(np.count_nonzero(far, axis=1) > kinks)

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-# The tables draw themselves by these functions. So the functions say what they read of a table, and
-# do not import it; tests check their types where they run.
+# The tables are drawn with these functions, which therefore declare the parts of a table that they
+# read, and do not import it; tests check their types.
 @runtime_checkable
 class CostRow(Protocol):
     """The attributes of a `jaxspace.studies.cost_table.Cost` for the figure."""

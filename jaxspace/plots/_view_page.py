@@ -151,7 +151,7 @@ def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) ->
     # One place at a time: a branch has a page of its own.
     without: Any = getattr(trajectory, "without_branches", lambda: trajectory)
     line = without()
-    # Of a closed loop, which holds more.
+    # For a closed loop, which contains more.
     line = getattr(line, "trajectory", line)
     phases: Any = getattr(line, "phases", (line,))
     names = getattr(line, "names", ())
@@ -165,7 +165,7 @@ def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) ->
     shown = jax.tree_util.Partial(seen_rows, ground)
     drawn = [_resolved(phase, shown) for phase in phases]
     parts = [_frames(phase.system, d.ts, d.states) for phase, d in zip(phases, drawn, strict=True)]
-    # What every phase has; a block that begins later has no frames before.
+    # Blocks common to all phases; a block that begins later has no frames before.
     blocks = {name for name in parts[0] if all(name in part for part in parts)}
     joined = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in blocks}
     if joined["times"][-1] < joined["times"][0]:
@@ -380,7 +380,7 @@ def _body(
         wheel["at"] = ((np.max(corners @ along) + 0.1) * along).tolist()
         faces += wheel_faces(k, along)
     reach = {"reach": 1.9, "faces": faces, "wheels": wheels, "traces": traces, "names": SIGNS}
-    # A top stands on the ground.
+    # A top is on the ground.
     reach["ground"] = hasattr(phase.system, "weight_moment")
     return (
         {"attitude": rows["attitude"], "extent": 1.9, **reach}
@@ -409,7 +409,7 @@ def _faces(phase: PyTree) -> list[Face]:
     if inertia is None:
         return faces_of(np.array([2.0, 3.0, 4.0]), np.eye(3))
     tensor = np.asarray(inertia.matrix(), float)
-    # A diagonal tensor keeps the order of its axes, which `eigh` would sort.
+    # A diagonal tensor preserves the order of its axes, which `eigh` would sort.
     if np.allclose(tensor, np.diag(np.diag(tensor)), rtol=0.0, atol=1e-9 * np.max(tensor)):
         return faces_of(np.diag(tensor), np.eye(3))
     return faces_of(*np.linalg.eigh(tensor))

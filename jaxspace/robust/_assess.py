@@ -113,7 +113,7 @@ def assess_designs(
     designs = {**(others or {}), "robust": optimum.x}
     assessed = {}
     for name, x in designs.items():
-        # With the same inputs for every design: in their differences the common scatter cancels.
+        # With the same inputs for every design: in their differences the common variance cancels.
         fresh = disperse(
             campaign_at(problem.campaign, x),
             runs,

@@ -29,7 +29,7 @@ from ..simulation.blocks import Blocks
 
 # The outputs that count of the runs at these places, for flat unknowns; and the runs.
 RunsAt = Callable[[Array, Array], tuple[Float[Array, "outputs block"], PyTree]]
-# What a block of runs adds to the Jacobian: by a group of rows, and the weights in them.
+# The contribution of a block of runs to the Jacobian, for a group of rows and their weights.
 Slopes = Callable[[Int[Array, ""], Float[Array, "own block"]], Float[Array, "rows n"]]
 
 

@@ -150,7 +150,7 @@ class _Kernel(NamedTuple):
         """Newton's step for both together."""
         first, second, z = self.errors(c, b, x)
         cc, cb, bc, bb = lax.stop_gradient(self.slopes(z))
-        # Without scatter the width is that of the rounding, and stays.
+        # Without dispersion the width is that of the rounding, and constant.
         fixed = b <= self.least
         cb, bc, second = (jnp.where(fixed, 0.0, x) for x in (cb, bc, second))
         whole = cc * bb - cb * bc

@@ -93,12 +93,13 @@ def train_design(
         progress=progress_of(problem, progress),
         store=store_of(store, resume, problem, seed),
     )
-    # A sample of its own, larger than a batch, because one batch says little of the design.
+    # A separate sample, larger than a batch, because one batch has little information on the
+    # design.
     whole = problem_of(
         *(campaign, start, minimise, subject_to, enough_runs(problem.statistics, RUNS)),
         *(seed, accuracy, may_fail, maximise),
     )
-    # A function, because `jit` cannot hash what holds arrays.
+    # A function, because `jit` cannot hash objects with arrays.
     criterion = jax.jit(lambda x: whole(x))(found.x)
     _check_used(found, criterion, may_fail)
     return DesignOptimum(found.x, start, criterion, found, whole, seed)

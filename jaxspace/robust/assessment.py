@@ -57,8 +57,8 @@ class AssessedLimit(NamedTuple):
         errors."""
         if self.verdict is not None:
             return self.verdict.word == "fail"
-        # At an optimum the limit is just met: half of all estimates lie beyond it, one in forty by
-        # more than two errors.
+        # At an optimum the limit is just satisfied: half of all estimates are beyond it, one in
+        # forty by more than two errors.
         over = self.value.value - self.constraint.limit
         return (over if self.constraint.upper else -over) > 2.0 * self.value.error
 

@@ -153,8 +153,8 @@ def _start(path: str, built: tuple[Mission, State], wider: tuple[Mission, State]
         # As long for two runs as for four: it carries no runs.
         if x.shape == y.shape:
             return x
-        # The last axis is that of the runs. Two of them tell a scatter: that numbers drawn at
-        # random are equal has no probability.
+        # The last axis is that of the runs. Two runs are sufficient to detect dispersion: random
+        # numbers are equal with probability zero.
         if np.any(np.asarray(x[..., 0]) != np.asarray(x[..., 1])):
             raise InputError(
                 f"free {path!r} differs between runs: a number cannot be both a design variable "

@@ -387,7 +387,7 @@ class Worst(AbstractStatistic):
 
     def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
         worst = np.min(x[good]) if self.lower else np.max(x[good])
-        # What is beyond the extreme value of a sample is not known from the sample.
+        # The tail beyond the extreme value of a sample is unknown.
         return Measured(float(worst), np.full(x.shape, np.nan))
 
     @property

@@ -43,6 +43,6 @@ class ColdGasThrusters(AbstractEffect):
         torque = jnp.clip(command, -self.torque_limit, self.torque_limit)
         # Without gas a command has no effect.
         torque = jnp.where(y.mass > self.empty_mass, torque, 0.0)
-        # Each axis has a pair of its own, so that the flows add up.
+        # Each axis has a separate pair, so that the flows add up.
         blown = jnp.sum(jnp.abs(torque), axis=0)
         return Load(torque_B=torque, mass_rate=-blown / (self.lever * self.exhaust_velocity))

@@ -28,7 +28,7 @@ SECONDS = {
     **dict.fromkeys(("us", "µs", "μs", "microsecond", "microseconds"), 1e-6),
     **dict.fromkeys(("min", "minute", "minutes"), 60.0),
 }
-# What a load cell shows in kg is the weight of that mass.
+# A load-cell reading in kg is the weight of that mass.
 NEWTONS = {
     **dict.fromkeys(("n", "newton", "newtons"), 1.0),
     **dict.fromkeys(("kn", "kilonewton", "kilonewtons"), 1e3),

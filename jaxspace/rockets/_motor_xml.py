@@ -45,7 +45,7 @@ class _Reader:
         self.head: tuple[int, str, list[float]] | None = None
         self.points: list[Point] = []
         self.done = False
-        # The parser itself and not a tree: it stops at an entity, and a tree would hold every
+        # The parser itself and not a tree: it stops at an entity, and a tree would contain every
         # engine.
         self.parser = expat.ParserCreate("utf-8")
         self.parser.StartElementHandler = self.start
@@ -63,7 +63,7 @@ class _Reader:
             self.points.append(Point(self.parser.CurrentLineNumber, *values))
 
     def end(self, name: str) -> None:
-        # What follows the first engine is not read, and may be broken.
+        # Text after the first engine is not read, and may be malformed.
         self.done = self.done or name == "engine"
 
     def entity(self, name: str, *rest: object) -> None:
@@ -99,7 +99,7 @@ def read_engine(path: Path, text: str) -> Engine:
     **Raises** `InputError` for invalid XML, a missing engine, or an engine without its numbers."""
     reader = _Reader(path)
     try:
-        # As bytes of UTF-8, whatever encoding the file says that it had.
+        # As UTF-8 bytes, independent of the encoding declared in the file.
         reader.parser.Parse(text.encode(), True)
     except expat.ExpatError as error:
         # Broken behind the first engine, of which all is there.

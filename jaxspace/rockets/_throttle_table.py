@@ -31,7 +31,7 @@ class ThrottleTable(AbstractParameters):
         "", low=0.0, high=1.0, doc="fraction of the full thrust at these times"
     )
 
-    # What the declarations of the fields cannot say: how the two tables belong together.
+    # A check beyond the declarations of the fields: the consistency of the two tables.
     def __check_init__(self):
         times, throttles = (np.shape(x)[:1] for x in (self.times, self.throttles))
         if times != throttles or times < (2,):

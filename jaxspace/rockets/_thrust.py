@@ -247,7 +247,7 @@ class Thrust(AbstractEffect):
                 "it must be a mass in kg for the propellant to run out."
             )
         assert y.mass is not None
-        # The zero lies some thousand units in the last place before the end of the thrust, so that
+        # The zero is some thousand units in the last place before the end of the thrust, so that
         # the last step of a phase that ends here does not see the jump of the thrust.
         return y.mass - self.burnout_mass * (1.0 + 4096.0 * jnp.finfo(y.mass.dtype).eps)
 
@@ -284,7 +284,7 @@ class Thrust(AbstractEffect):
         return {} if self.burnout_mass is None else {"Thrust.burnout_mass": "mass"}
 
     def breaks(self) -> Float[Array, "times *#runs"]:
-        # With runs behind the points: each run has its own ignition and burn time.
+        # With the batch axis after the points: each run has its own ignition and burn time.
         ignition = ignition_of(self)
         kind = precision_of(ignition, self.burn_time)
         x = jnp.array([0.0, 1.0], kind) if self.profile is None else self.profile.fraction

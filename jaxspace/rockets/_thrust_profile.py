@@ -113,7 +113,7 @@ class ThrustProfile(AbstractParameters):
         profile = cls(as_float((t - t[0]) / burn_time), as_float(level))
         return profile, burn_time, mean
 
-    # What the declarations of the fields cannot say: how the two tables belong together.
+    # A check beyond the declarations of the fields: the consistency of the two tables.
     def __check_init__(self):
         if is_concrete(self.fraction) and is_concrete(self.level):
             x = np.asarray(self.fraction)
@@ -141,5 +141,5 @@ class ThrustProfile(AbstractParameters):
     def at(self, x: Scalar) -> Scalar:
         """The level at the fraction `x` of the burn time; zero before ignition, after burnout."""
         result = polygon(x, self.fraction, self.level)
-        # Beyond its ends a polygon goes on, and a motor does not.
+        # A polygon continues beyond its ends, a motor does not.
         return jnp.where((x >= 0.0) & (x <= 1.0), result, 0.0)

@@ -167,7 +167,7 @@ def _state(s: Scalar, n: Scalar, gravity: Scalar, y: GravityTurnState) -> Gravit
     up = _growth(2.0 * n - 2.0, s) - _weighted(4, 2.0 * n + 2.0, s, z0)
     return GravityTurnState(
         speed=y.speed * jnp.exp((n - 1.0) * s) * (1.0 + z * z) / w,
-        # By the difference of the two angles, which keeps its digits over a short time.
+        # By the difference of the two angles, which is accurate over a short time.
         angle=y.angle + 2.0 * jnp.arctan2(z0 * jnp.expm1(s), 1.0 + z0 * z),
         range=y.range + 2.0 * unit * z0 * across,
         height=y.height + unit * up,

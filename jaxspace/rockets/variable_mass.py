@@ -79,8 +79,8 @@ def swept_motion(
     """
     s = rate * as_float(time) / mass
     gain = (force + rate * (stream_speed - speed)) * time
-    # The distance of a rate near zero is a difference of equal terms: by this share it keeps its
-    # digits.
+    # The distance of a rate near zero is a difference of equal terms: with this share it is
+    # accurate.
     share = _log_rest(s)
     return speed + gain / (mass * (1.0 + s)), speed * time + gain * time / mass * share
 

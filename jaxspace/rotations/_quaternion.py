@@ -120,7 +120,7 @@ class Quaternion(AbstractGroupElement):
         rows = [[1.0 + t, x, y, z], [x, d0, p, q], [y, p, d1, r], [z, q, r, d2]]
         best = jnp.argmax(pivots, axis=0)
         wxyz = jnp.select([best == i for i in range(4)], [jnp.stack(row) for row in rows])
-        # Each form is the quaternion times a factor of its own: the length is taken off.
+        # Each form is the quaternion times a different factor: the length is removed.
         return cls(wxyz * inverse_sqrt(jnp.sum(wxyz**2, axis=0)))
 
     def xyzw(self) -> Float[Array, "4 *#runs"]:
@@ -262,8 +262,8 @@ def _direction(u: Vector) -> Vector:
 def _direction_tangent(primals, tangents):
     (u,), (du,) = primals, tangents
     e = _direction(u)
-    # The part of du across u: the part along it would leave its rounding, which counts beside half
-    # a turn, where an axis that hardly moves is times pi.
+    # The part of du across u: the part along it would leave its rounding, which matters near half a
+    # turn, where an axis that hardly moves is multiplied by pi.
     return e, cross(e, cross(du, e)) / norm(u)
 
 

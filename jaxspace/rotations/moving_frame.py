@@ -34,7 +34,7 @@ from ._quaternion import Quaternion
 
 
 def _zero() -> Array:
-    # Weakly typed, so that the precision follows what it meets.
+    # Weakly typed, so that the precision follows its operands.
     return jnp.full(3, 0.0)
 
 

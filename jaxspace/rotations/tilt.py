@@ -51,7 +51,7 @@ def complex_tilt(attitude: Quaternion, axes: str = "inertial") -> Float[Array, "
     """
     check_axes(axes)
     inertial = axes == "inertial"
-    # Seen from the body the inertial axes stand at (pi - phi, theta, pi - psi).
+    # In body axes the Euler angles of the inertial axes are (pi - phi, theta, pi - psi).
     seen = attitude if inertial else attitude.inverse()
     sign = 1.0 if inertial else -1.0
     return sign * tilt_of_axis(seen.rotate(axis(2, jnp.ones_like(attitude.wxyz[0]))))

@@ -67,7 +67,7 @@ class ConeDirection(AbstractJoint):
         h = self._height
         along, across = h * h / 3.0, (h - h * h / 3.0) / 2.0
         v = self.vector
-        # v^2 I - v v^T as a product, which loses no digits where v lies along an axis.
+        # v^2 I - v v^T as a product, which is accurate where v is along an axis.
         turn = jnp.cross(v, jnp.eye(3, dtype=v.dtype))
         return along * jnp.outer(v, v) + across * (turn.T @ turn)
 

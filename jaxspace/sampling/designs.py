@@ -78,7 +78,7 @@ class LatinHypercube(AbstractDesign):
             layers = jax.vmap(lambda seed: _permuted(place, self.runs, seed))(seeds)
             # Another stream than that of the permutations.
             run_key = jax.random.fold_in(jax.random.fold_in(key, 0x4C4853), number)
-            # Half a step inwards: no place lies on the border of its layer.
+            # Half a step inwards: no point is on the border of its layer.
             within = jax.random.uniform(run_key, (dimensions,))
             within = within + 0.5 * float(jnp.finfo(within.dtype).eps)
             layer = layers.astype(within.dtype)
@@ -106,7 +106,7 @@ class Sobol(AbstractDesign):
         for bit in range(directions.shape[1]):
             on = (gray >> bit) & 1
             points = points ^ (on[:, None] * directions[:, bit])
-        # Half a step inwards: no point lies on the border, where a normal number is infinite.
+        # Half a step inwards: no point is on the border, where a normal number is infinite.
         dtype = jnp.result_type(float)
         share = (_scrambled(points, seeds).astype(dtype) + 0.5) * 2.0**-BITS
         return jnp.minimum(share, 1.0 - float(jnp.finfo(dtype).epsneg))
@@ -155,7 +155,7 @@ def _reversed(x: Array) -> Array:
 def _scrambled(x: Array, seed: Array) -> Array:
     """Owen's nested scrambling: whether a bit flips depends on the bits above it and the seed."""
     x = _reversed(x) + seed
-    # Burley's constants: even factors, so that a bit only meets those below it in this order.
+    # Burley's constants: even factors, so that a bit only depends on those below it in this order.
     for factor in (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6):
         x = x ^ (x * jnp.uint32(factor))
     return _reversed(x)
@@ -249,8 +249,8 @@ def draw(
         dimensions = sum(map(len, normal_columns(inputs).values()))
         return map_normals(inputs, design.normals(key, numbers, dimensions))
 
-    # A draw depends on the key, the number of its run and its own name only, so that it is the
-    # same however many runs or other inputs there are.
+    # A draw depends on the key, the number of its run and its own name only, so that it does not
+    # depend on the numbers of runs or other inputs.
     def one(number: Array) -> dict[str, Array]:
         run_key = jax.random.fold_in(key, number)
         result = {}

@@ -94,7 +94,7 @@ def _normal_share(low: float, high: float) -> float:
     if low > 0.0:
         low, high = -high, -low
     low, high = low / math.sqrt(2.0), high / math.sqrt(2.0)
-    # In the tails a difference of two values of erfc keeps its digits, near the middle one of erf.
+    # In the tails a difference of two values of erfc is accurate, near the middle one of erf.
     if low > -0.5:
         return 0.5 * (math.erf(high) - math.erf(low))
     return 0.5 * (math.erfc(-high) - math.erfc(-low))
@@ -102,7 +102,7 @@ def _normal_share(low: float, high: float) -> float:
 
 def _uniform_share(start: float, end: float, low: float, high: float) -> float:
     """The share of the interval from `start` to `end` that is between `low` and `high`."""
-    # Zero and not negative where the two intervals do not meet.
+    # Zero and not negative where the two intervals are disjoint.
     return max(0.0, min(end, high) - max(start, low)) / (end - start)
 
 

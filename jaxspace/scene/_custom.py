@@ -16,7 +16,7 @@ from ..core.jit import quick_jit
 from ..core.shapes import check_components
 from ..core.vectors import dot, norm
 
-# Quantities that an effect may keep.
+# Quantities that an effect may conserve.
 KEPT = ("energy", "angular_momentum", "axial_angular_momentum", "rotational_momentum")
 VECTORS = ("acceleration_N", "force_N", "torque_B", "momentum_B")
 
@@ -59,7 +59,7 @@ class Custom(AbstractEffect):
     without a potential; a scene raises it for a function that does not return a load."""
 
     function: Callable[[Scalar, BodyState, AbstractBody], Load]
-    # Of the instance and not of the class, because each function has its own.
+    # Of the instance and not of the class, because each function has a different one.
     keeps: frozenset[str] = eqx.field(  # pyright: ignore
         static=True, converter=_as_conserved, default=frozenset()
     )

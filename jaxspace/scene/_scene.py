@@ -236,11 +236,11 @@ class Scene(AbstractScene):
     def warning(self, ts: Array, states: BodyState, undisturbed: bool) -> RunWarning | None:
         """The runs that pass below the ground that an effect states (`AbstractEffect.ground`);
         `None` where none does."""
-        # By their classes: each method of an instance is a module of its own, slow to make.
+        # By their classes: each method of an instance is a separate module, slow to create.
         grounds = [(e, r) for e in self.effects if (r := type(e).ground(e)) is not None]
         if not grounds:
             return None
-        # The lowest: an effect that goes on inside of the planet says zero.
+        # The lowest: an effect valid inside of the planet returns zero.
         effect, radius = min(grounds, key=lambda ground: np.asarray(ground[1]).min())
         mu = _sole_attraction(self) if undisturbed else None
         lowest = lowest_below_ground(ts, states, radius, mu)
@@ -291,7 +291,7 @@ class Scene(AbstractScene):
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         """The break times of all effects, s, (times, *runs)."""
-        # Times that all runs share meet those of single runs by broadcasting.
+        # Times shared by all runs broadcast with those of single runs.
         times = [e.breaks() for e in self.effects]
         times = [x for x in times if x is not None]
         if not times:

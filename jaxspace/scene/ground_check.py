@@ -55,7 +55,7 @@ def lowest_below_ground(
         return np.asarray(np.inf)
     x, v, t, R = (np.asarray(a, float) for a in (states.position, states.velocity, ts, radius))
     t = t.reshape(*t.shape, *(1,) * (x.ndim - 1 - t.ndim))
-    # What is not finite, of a run that failed, compares as false.
+    # NaN of a failed run compares as false.
     with np.errstate(all="ignore"):
         if mu is not None and _stays_above(x, v, np.asarray(mu, float), (1.0 - GRAZING) * R):
             return np.full(x.shape[2:], np.inf)
@@ -114,7 +114,7 @@ def _lowest_passed(
     # A radius close to that of the ground is not a difference of large numbers here.
     p = (r * r * v2 - climb * climb) / mu
     q = p / (1.0 + np.sqrt(np.maximum(1.0 - p * alpha, 0.0)))
-    # Most runs need no times: each of their orbits lies above.
+    # Most runs need no times: all of their orbits are above.
     if not np.any(q < low):
         return np.full_like(q[0], np.inf)
     sine = climb * np.sqrt(alpha / mu)

@@ -39,7 +39,7 @@ CONTRIBUTIONS = {
     "inertia": ("inertia_B", ROTATION),
     "momentum": ("momentum_B", ROTATION),
 }
-# What a guide adds that changes the rate of a part.
+# Contribution of a guide that changes the rate of a part.
 GUIDED = {"velocity": "acceleration", "omega": "torque", "mass": "mass_rate", "parts": "parts"}
 
 
@@ -81,7 +81,7 @@ def _is_shape(x: object) -> bool:
     return isinstance(x, jax.ShapeDtypeStruct)
 
 
-# What is read depends on no number.
+# The parts read do not depend on numbers.
 @once_per_structure
 def _read(
     scene: tuple[tuple[AbstractEffect, ...], AbstractBody], present: frozenset[str]
@@ -226,7 +226,7 @@ def _alone(
         state = BodyState(**{part: getattr(y, part) for part in parts - {"parts"}})
         try:
             started = effect.start(state, body) or {}
-            # Numbers of their own: what a part starts from is not what a load reads.
+            # Distinct numbers: the initial value of a part differs from the value read by a load.
             started = jax.tree.map(lambda x: jnp.zeros(jnp.shape(x), jnp.result_type(x)), started)
             state = dataclasses.replace(state, parts={**own, **started} or None)
             load = effect.load(t, state, body)

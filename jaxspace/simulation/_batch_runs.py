@@ -182,8 +182,8 @@ def _relative_rate(system: AbstractSystem, y0: State, t: Array) -> Array:
     def scaled(h: Array, rate: State) -> State:
         return jax.tree.map(lambda k: h.astype(k.dtype) * k, rate)
 
-    # A loop, so that the program holds the field once; a quotient of differences, because not every
-    # field has a derivative.
+    # A loop, so that the program contains the field once; a difference quotient, because not every
+    # field is differentiable.
     def after(rate: State, _: None) -> tuple[State, State]:
         ahead = jax.tree.map(jnp.add, y, scaled(safe_divide(AHEAD, largest(rate)), rate))
         rate = jax.tree.map(lambda k, b: k.astype(b.dtype), system.vector_field(t, ahead), y)

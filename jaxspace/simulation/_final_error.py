@@ -159,7 +159,7 @@ class FinalError(HashedModule):
         blocks = zip(_named(y0).items(), jax.tree.leaves(axes), strict=True)
         pairs = [(x, k, self._of_block(name)) for (name, x), k in blocks]
         asked = [(x, k, allowed) for x, k, allowed in pairs if allowed is not None]
-        # By NumPy where the numbers are known: each operation would be a program of its own.
+        # With NumPy where the numbers are concrete: each operation would be a separate program.
         lib = np if all(is_concrete(x) and is_concrete(a) for x, _, a in asked) else jnp
         parts = []
         for x, k, allowed in asked:
@@ -190,7 +190,7 @@ def distance(a: Measured, b: Measured) -> Float[Array, "*runs"]:
 
     every = jnp.stack([ratio(*each) for each in zip(a.values, b.values, b.allowed, strict=True)])
     worst = jnp.max(every, axis=0)
-    # Infinite and not NaN: the search compares it, and goes on to smaller tolerances.
+    # Infinite and not NaN: the search compares it, and continues with smaller tolerances.
     return jnp.where(a.good & jnp.isfinite(worst), worst, jnp.inf)
 
 

@@ -75,7 +75,7 @@ class Integrator(NamedTuple):
         self, y0: State, ts: Array, *, dense: bool = False, for_search: bool = False
     ) -> IntegrationResult:
         """States at `ts`, (times,) or (times, *runs), the first of which is that of `y0`."""
-        # An integration that starts anew at each time has no steps of the whole run to store.
+        # An integration that restarts at each time has no steps of the whole run to store.
         if ts.ndim > 1 and ts.shape[0] > 2 and not dense:
             return self.through(y0, ts)
         if ts.shape[0] == 2:

@@ -141,7 +141,7 @@ def _stacked(trees: Sequence[Any]) -> tuple[list[Array], Callable[[list[Array]],
     rest = eqx.filter(trees[0], eqx.is_array, inverse=True)
     leaves, structure = every[0]
     columns = list(zip(*(x for x, _ in every), strict=True))
-    # What all of them share stays outside of the loop.
+    # Shared values remain outside of the loop.
     differ = [any(x is not column[0] for x in column) for column in columns]
 
     def tree(own: list[Array]) -> Any:

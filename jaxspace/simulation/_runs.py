@@ -77,7 +77,7 @@ def _through(
     if not events:
         return without_events(ts, integrator.at_times(y0, ts, dense=dense), integrator.run_axes)
     system, config, run_axes = integrator
-    # One run for all events: the finest of their samples serves the others.
+    # One run for all events: the finest of their samples is used for all.
     samples = max(event.samples for event in events)
     result, times, states = integrator.sampled(y0, ts, samples, dense=dense)
     run = without_events(ts, result, run_axes)

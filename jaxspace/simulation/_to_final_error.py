@@ -53,20 +53,21 @@ MOST = 3e-5
 # The error of one step falls with the tolerance, and that of all with the steps of a method of
 # order 8 by a ninth less; the power is measured from the third run on, and not believed beyond.
 POWER, FLATTEST, STEEPEST = 0.85, 0.5, 1.1
-# What the difference of two runs hides: with it all runs of `python -m validation` that say that an
-# error is met are within it, the worst at 0.99.
+# Margin for errors hidden in the difference of two runs: with it all runs of `python -m validation`
+# that report a reached error are within it, the worst at 0.99.
 SAFETY = 3.0
 # How much larger than the first difference an error after jumps may be, in units of the safety:
 # that the errors of two runs are so close by chance is rare, and no earlier run shows it.
 FIRST = 2.0
-# What the roundings of the steps add to a tolerance, in units in the last place: below it errors
-# fall no more.
+# Contribution of rounding in the steps to a tolerance, in units in the last place: below it errors
+# do not decrease further.
 ROUNDED = 64.0
-# A following run aims below what is asked, and its tolerance is at most so many times smaller.
+# A following run aims below the requested error, and its tolerance is smaller by at most this
+# factor.
 AIM, LONGEST, SHORTEST = 0.7, 1e-3, 0.3
 MOST_RUNS = 8
-# How often the inputs of a closed form are rounded in another way, and how many times what this
-# changes its own roundings may.
+# Number of perturbed roundings of the inputs of a closed form, and the factor from their effect to
+# its rounding error.
 ROUNDINGS, AMPLIFIED = 2, 3.0
 
 

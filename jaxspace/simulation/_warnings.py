@@ -70,8 +70,8 @@ def _searches(jaxpr: Jaxpr, given: Sequence[Follows]) -> bool:
         time = any(x.time for x in inputs)
         state = any(x.state for x in inputs)
         name = operation.params.get("name", "") or operation.primitive.name
-        # By the time alone: a kink at a state happens at no known time, and steps meet it by their
-        # error.
+        # By the time alone: a kink at a state occurs at an unknown time, and steps resolve it
+        # through their error.
         if time and not state and name.lower() == "searchsorted":
             return True
         inner = operation.params.get("jaxpr")

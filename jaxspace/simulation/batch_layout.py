@@ -31,7 +31,7 @@ def _declared(tree: PyTree, undeclared: int, least: int) -> PyTree[bool]:
     def leaf(x: PyTree, axes: int) -> bool:
         if not isinstance(x, jax.ShapeDtypeStruct) or axes == 0:
             return False
-        # A symbolic number of runs, as `jax.export` allows, stands for many.
+        # A symbolic number of runs, as `jax.export` allows, represents many.
         return is_symbolic_dim(x.shape[-1]) or x.shape[-1] >= least
 
     return jax.tree.map(leaf, tree, run_axes_of(tree, lambda x: min(x.ndim, undeclared)))

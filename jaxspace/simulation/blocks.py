@@ -89,7 +89,7 @@ class Blocks(NamedTuple):
         results are in the order of `batched`."""
         runs = jax.tree.leaves(batched)[0].shape[-1]
         parts = 1 if self.mesh is None else self.mesh.size
-        # Whole blocks only, so that one program serves all of them.
+        # Whole blocks only, so that one program is sufficient for all of them.
         count = parts * -(-runs // (self.size * parts))
         # `shard_map` takes arrays alone; other shared leaves are passed around it.
         arrays, static = eqx.partition(shared, eqx.is_array)

@@ -83,7 +83,7 @@ def _warned(run: Trajectory, stacklevel: int) -> Array | None:
     # Warnings of a traced system are traced, too.
     if is_traced((run.ts, run.states)):
         return None
-    # By its class: the method of an instance is a module of its own, slow to make.
+    # By its class: the method of an instance is a separate module, slow to create.
     warning = type(run.system).warning(run.system, run.ts, run.states, run.undisturbed)
     if warning is None:
         return None

@@ -38,8 +38,7 @@ def legs_of(mission: Mission) -> tuple[tuple[Leg, ...], tuple[str, ...]]:
             before = after if begins else len(legs) - 1
             start = mission.start if begins else None
             legs.append(Leg(prefix + phase.name, phase, line, before, begins and line > 0, start))
-        # Behind all phases of this sequence, so that a leg stands behind that at whose end it
-        # starts.
+        # After all phases of this sequence, so that a leg follows the one at whose end it starts.
         for number, phase in enumerate(mission.phases, first):
             for branch in phase.branches:
                 names.append(prefix + branch.name)

@@ -16,7 +16,7 @@ from .trajectory import Trajectory
 T = TypeVar("T")
 
 # Failures after which no state but the first is known: a step missed the tolerance, an event may
-# have been missed, or the model does not hold.
+# have been missed, or the model is invalid.
 WITHOUT_BOUND = (
     Status.TOLERANCE_MISSED,
     Status.EVENT_UNRESOLVED,

@@ -173,7 +173,7 @@ def status_of_all(main: Int[Array, "*runs"], branches: Iterable[BranchEnd]) -> I
     mission itself."""
 
     def with_branch(status: Array, branch: BranchEnd) -> Array:
-        # The success of a branch says nothing about the mission.
+        # The success of a branch is independent of the mission.
         return combine_status(status, combine_status(branch.status, status))
 
     return functools.reduce(with_branch, branches, main)
@@ -182,7 +182,7 @@ def status_of_all(main: Int[Array, "*runs"], branches: Iterable[BranchEnd]) -> I
 def numbers_of(result: Result) -> Result:
     """Times, states, status and counts of a result, without its call, its steps and its controller:
     a compiled program can return them."""
-    # They hold functions, which no compiled program returns.
+    # They contain functions, which a compiled program cannot return.
     left = {"call": None, "control": None, "dense": None}
     phases = [dataclasses.replace(phase, **left) for phase in result.phases]
     return result.with_phases(phases, result.status)

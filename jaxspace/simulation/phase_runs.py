@@ -76,7 +76,7 @@ def run_to_end(
         y0 = broadcast_state(system, t0, y0)
     runs = runs_of(y0, run_axes)
     dtype = jnp.result_type(*jax.tree.leaves(y0))
-    # Each run may start, and meet its event, at another time.
+    # Each run may start, and reach its event, at a different time.
     t0 = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
     t1 = t0 + (until.within if isinstance(until, Event) else until)
     if not isinstance(until, Event):
@@ -124,7 +124,7 @@ def _run_to_event(
         if isinstance(num_saved, int) and num_saved == 2:
             times = jnp.stack([t0, t1])
             return integrate_to_event(integrator, y0, times, (until,))
-        # A batch would hold all of its states twice.
+        # A batch would have all of its states in memory twice.
         if isinstance(num_saved, int) and not run_axes:
             return _sampled_to_event(integrator, y0, t0, t1, until, num_saved)
     return _search_and_run(integrator, y0, t0, t1, until, num_saved)

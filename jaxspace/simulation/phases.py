@@ -55,7 +55,7 @@ def resolve_and_count(
             y = jax.tree.map(shape_of, y0)
         else:
             y = (left if leg.parted else behind)[leg.after]
-        # Only shapes are needed: a jump may change what the state holds.
+        # Only shapes are needed: a jump may change the structure of the state.
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
         if leg.start is not None:
             y = shapes_after(leg.start, zero, y, f"Mission.start before the phase {leg.name!r}")

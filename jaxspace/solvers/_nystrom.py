@@ -107,7 +107,7 @@ def nystrom_step(
     """One step of length `h` in normalised time, from position `r` and velocity `v` at `s0`.
 
     `in_loop`: whether the stages are a loop of the program (`stage_loop`)."""
-    # Time keeps its precision: a state in single precision may have a time in double.
+    # The precision of the time is unchanged: a state in single precision may have a time in double.
     h = h.astype(r.dtype)
 
     def derivative(c: Scalar, change: Vectors | None) -> Vectors:

@@ -45,7 +45,7 @@ def phi_functions(z: Square) -> list[Phis]:
     # At least two, because the last two doublings lead from Z/4 to Z/2 and to Z.
     doublings = jnp.clip(jnp.ceil(jnp.log2(jnp.maximum(norm, 1.0))), 2.0, DOUBLINGS)
     doublings = doublings[..., None, None]
-    # True for NaN as well. A zero in its place keeps the loop below short and its result finite.
+    # True for NaN as well. A zero instead keeps the loop below short and its result finite.
     out_of_range = ~(norm <= 2.0**DOUBLINGS)[..., None, None]
 
     def double_if_due(p: Phis, k: Array) -> tuple[Phis, None]:

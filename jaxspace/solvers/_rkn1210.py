@@ -243,7 +243,7 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         if self.save_ts is not None:
             saving = jnp.any((self.save_ts >= t0) & (self.save_ts <= t1))
         asked = jnp.stack([saving, saving, jnp.array(True)])
-        # A loop, so that the program holds the stages once for all places, the end included.
+        # A loop, so that the program contains the stages once for all positions, including the end.
         nodes = jnp.asarray(NODES[1:], r0.dtype), asked
         _, (parts, places) = jax.lax.scan(place, None, nodes)
         end = jax.tree.map(lambda x: x[-1], parts)

@@ -33,7 +33,7 @@ from .protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTra
 from .second_order import estimate_by_coarsening
 from .vector_field import ScaledField, StepField, just_before
 
-# Where the steps do not resolve the motion, no order holds: the error estimate is four times the
+# Where the steps do not resolve the motion, the order is lost: the error estimate is four times the
 # difference.
 UNRESOLVED_FACTOR = 0.25
 

@@ -211,7 +211,7 @@ def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:
     if isinstance(solver, AbstractDeclaredSolver):
         return solver.traits
     # A Runge-Kutta method of diffrax carries the derivative at the end of the step, which `init`
-    # can evaluate again. What other solvers carry is unknown.
+    # can evaluate again. The carry of other solvers is unknown.
     return SolverTraits(
         replayable=isinstance(solver, diffrax.AbstractRungeKutta),
         evaluations=_evaluations(solver),

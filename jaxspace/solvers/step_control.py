@@ -28,7 +28,7 @@ SHRINK = 0.2
 GROW = 8.0
 # After a rejection: enough to correct its estimate, and too little to return to what was rejected.
 GROW_AFTER_REJECTION = 1.5
-# The first step behind a break says by its error how long the next one may be.
+# The error of the first step after a break determines the length of the next one.
 BEHIND_BREAK = 100.0
 # Fraction of a segment. A step this short is accepted with any error, which the status reports:
 # shorter steps would only exhaust `max_steps`.
@@ -128,14 +128,14 @@ class StepController(eqx.Module):
         # stages.
         size = jnp.clip(errors, 1e-12, 1e12).astype(jnp.float32)
         factor = SAFETY * jnp.exp(jnp.log(size) * (-1.0 / order)).astype(ds.dtype)
-        # What made the steps short before a break may have ended there.
+        # The cause of short steps before a break may have ended there.
         begins_segment = (t0 > 0.0) & (t0 == jnp.round(t0))
-        # What a longer step was rejected for, such as a kink, still lies ahead. A first step, which
-        # is found by trial, may have been shortened too far.
+        # The cause of the rejection of a longer step, such as a kink, is still ahead. A first step,
+        # which is found by trial, may have been shortened too far.
         grow = jnp.where(rejected & begun, GROW_AFTER_REJECTION, GROW)
         # A rejected step must become shorter, whatever its error estimate.
         most = jnp.where(accept, jnp.where(begins_segment, BEHIND_BREAK, grow), SAFETY)
-        # A first step, which may be far too long, becomes as short as its error says.
+        # A first step, which may be far too long, becomes as short as its error requires.
         least = jnp.where(begun, SHRINK, 0.0)
         factor = jnp.clip(factor, least, most).astype(ds.dtype)
         proposal = ds * factor
@@ -198,8 +198,8 @@ class StepController(eqx.Module):
             rate = f(h, jax.tree.map(lambda y, k: y + h.astype(y.dtype) * k, y0, k))
             return jnp.where(i == 0, trial_length(rate), h), k, rate
 
-        # A loop, so that the program holds the vector field once: for the start, and for the end of
-        # a step of Euler's method.
+        # A loop, so that the program contains the vector field once: for the start, and for the end
+        # of a step of Euler's method.
         still = jax.tree.map(jnp.zeros_like, y0)
         h0, f0, f1 = jax.lax.fori_loop(0, 2, evaluate, (jnp.zeros_like(s), still, still))
         d1 = tol.largest(f0, scale)

@@ -182,7 +182,7 @@ class Dispersion(HashedModule):
             )
         if not mask.any():
             raise InputError(f"condition is met by none of {self.runs} runs.")
-        # What the complete campaign planned and measured does not hold for a part of it.
+        # Plans and measurements of the complete campaign do not apply to a part of it.
         whole = ("planned_runs", "enough_runs", "until", "numerical_errors")
         return Dispersion(
             {name: np.asarray(x)[mask] for name, x in self.inputs.items()},
@@ -344,7 +344,7 @@ class Dispersion(HashedModule):
         if at_least == -np.inf and at_most == np.inf:
             raise InputError("at_least and at_most are both missing: a requirement needs a limit.")
         x = self.values(name)
-        # Comparisons with NaN are false, so that it does not meet the requirement.
+        # Comparisons with NaN are false, so that it violates the requirement.
         met = self.good & (x >= at_least) & (x <= at_most)
         return clopper_pearson(int(np.count_nonzero(~met)), self.runs, confidence)
 

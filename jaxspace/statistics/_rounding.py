@@ -24,11 +24,11 @@ def rounded(value: float, deviation: float) -> str:
         return f"{value:.6g}"
     place = math.floor(math.log10(deviation)) - 2
     size = math.floor(math.log10(abs(value)))
-    # Below the last digit shown: nobody reads 7e-13 beside 0.0031.
+    # Below the last digit shown: 7e-13 is irrelevant next to 0.0031.
     if size < place:
         return "0"
     if not -6 < size < 9:
-        # At most what double precision holds.
+        # At most the precision of float64.
         return f"{value:.{min(max(size - place, 0), 14)}e}"
     text = f"{value:.{max(-place, 0)}f}"
     # Not "-0.00", which a rounded negative number gives.

@@ -69,7 +69,7 @@ def contributors(
     good = good & np.isfinite(y) & np.all([np.isfinite(x) for x in inputs.values()], axis=0)
     y = y[good]
     chosen = {name: x[good].astype(float) for name, x in inputs.items()}
-    # An input that does not scatter explains nothing, and has a deviation of zero.
+    # A constant input explains nothing, and has zero standard deviation.
     columns = {name: x for name, x in chosen.items() if x.size and np.ptp(x) > 0.0}
     # The rounding of a constant output correlates with inputs by chance only.
     if not columns or not scatters(values[good]):
@@ -111,7 +111,7 @@ def dependent_groups(regressors: np.ndarray) -> list[np.ndarray]:
 
     - `regressors`: of n inputs, z_j and then q_j, (2 n, runs); both have the mean zero."""
     count, runs = len(regressors) // 2, regressors.shape[1]
-    # An input of two values has squares without scatter, which depend on nothing.
+    # An input with two values has constant squares, which depend on nothing.
     size = np.sqrt(np.mean(regressors**2, axis=1))
     scaled = regressors / np.where(size > 1e-9, size, np.inf)[:, None]
     correlation = np.abs(scaled @ scaled.T) / runs
@@ -131,7 +131,7 @@ def _significant(r_squared: float, regressors: int, runs: int) -> bool:
     from scipy.special import fdtrc
 
     rest = runs - regressors - 1
-    # A law that holds to rounding leaves nothing to compare with.
+    # A relation that is exact to rounding leaves no residual to compare with.
     if r_squared >= 1.0 - 1e-12:
         return True
     statistic = (r_squared / regressors) / ((1.0 - r_squared) / rest)

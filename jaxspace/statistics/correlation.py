@@ -42,11 +42,11 @@ def rank_correlation(x: ArrayLike, y: ArrayLike) -> RankCorrelation:
     if both.sum() < 5:
         raise InputError(f"{both.sum()} pairs are too few: at least five are required.")
     a, b = (rankdata(v[both]) for v in (x, y))
-    # A constant quantity has no correlation; zero says that it has no influence.
+    # A constant quantity has no correlation; zero means that it has no influence.
     if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
         return RankCorrelation(0.0, 0.0, 0.0)
     r = float(np.clip(np.corrcoef(a, b)[0, 1], -1.0, 1.0))
-    # 1.96 deviations on both sides hold 95 % of a normal distribution.
+    # 1.96 standard deviations on both sides contain 95 % of a normal distribution.
     half = 1.96 * np.sqrt((1.0 + 0.5 * r * r) / (both.sum() - 3))
     # A perfect correlation has an infinite transform: its interval is a point.
     centre = np.arctanh(np.clip(r, -1.0 + 1e-15, 1.0 - 1e-15))

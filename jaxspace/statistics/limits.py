@@ -97,7 +97,7 @@ def _binomial_quantile(p: float, n: int, share: float) -> int:
     from scipy.special import bdtr, bdtrik
 
     k = int(np.ceil(bdtrik(p, n, share)))
-    # The root is known to rounding: at a whole number it may lie just above.
+    # The root is known to rounding: at a whole number it may be just above.
     return k - 1 if k > 0 and bdtr(k - 1, n, share) >= p else k
 
 

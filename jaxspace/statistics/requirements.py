@@ -17,7 +17,7 @@ from ..core.printing import printed
 from .limits import Probability, check_share
 
 Word: TypeAlias = Literal["pass", "fail", "not yet known"]
-# Which run of an output is asked for.
+# The requested run of an output.
 WHICH = ("worst", "least", "greatest")
 
 

@@ -18,7 +18,7 @@ from ..statistics.spread import StopRule
 
 # Beyond, a whole number is none of this library, and may exceed the range of a float.
 GREATEST = 2**63 - 1
-# Kinds of NumPy's dtypes whose arrays hold plain numbers.
+# Kinds of NumPy's dtypes whose arrays contain plain numbers.
 NUMBERS = "biuf"
 # Variables that every store has, each with one whole number for each run.
 ALWAYS = ("run", "status", "evaluations")
@@ -134,7 +134,7 @@ def array_fault(name: str, head: object, attributes: Record) -> str:
 
 
 def _is_array(name: str, head: Record, runs: int) -> bool:
-    # Of anything but text NumPy makes types of its own, of nothing a float.
+    # NumPy interprets anything but text in its own way, and `None` as a float.
     kind = np.dtype(head["data_type"]).kind if is_text(head["data_type"]) else "O"
     shape, dims, own = head["shape"], head["dimension_names"], head["attributes"]
     sizes = _each(is_whole)(shape) and _each(is_text)(dims) and len(shape) == len(dims)

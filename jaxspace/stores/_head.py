@@ -20,7 +20,7 @@ HEAD, COPY = "zarr.json", ".manifest/head"
 PATIENCE = 0.05
 # Attributes of every store, in whatever form, and of no Zarr group of another program.
 MARKS = ("form", "planned_runs", "chunk", "seed", "digest")
-# What JSON of any content raises where it is read.
+# Exceptions raised by reading arbitrary JSON.
 UNREADABLE = (OSError, ValueError, RecursionError)
 
 

@@ -47,7 +47,7 @@ def difference(
         return f"only one of the two has {names[0]!r}."
     if not changed:
         return f"its array {others[0]!r} differs." if others else ""
-    # With equal settings, the cause of different numbers lies outside of the campaign.
+    # With equal settings, the cause of different numbers is outside of the campaign.
     if changed[0] == "digest":
         return _cause(there, attributes)
     if changed[0] == "files":

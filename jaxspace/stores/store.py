@@ -135,7 +135,7 @@ class Store:
 
     def metadata_damages(self, but_for: Sequence[str] = ()) -> list[str]:
         """Messages about damaged metadata files; without the arrays `but_for`."""
-        # Other readers of the store open an array by its own file alone.
+        # Other readers of the store open an array from its own file only.
         arrays = [
             f"{name}/{HEAD} differs from {HEAD}, which is read in its place."
             for name in self.damaged_arrays

@@ -105,7 +105,7 @@ class StoreWriter:
                 path.mkdir(parents=True, exist_ok=True)
                 self.lock.acquire()
                 return
-            # Its last owner has just removed the folder, in which nothing was kept.
+            # Its last owner has just removed the folder, which was empty.
             except FileNotFoundError:
                 if attempt == ATTEMPTS - 1:
                     raise
@@ -290,7 +290,7 @@ class StoreWriter:
             entry |= {"seconds": seconds, "cpu_seconds": cpu, "pid": os.getpid(), "files": files}
             if self.host is not None:
                 entry["host"] = self.host
-            # Last, because an entry says that all files are there.
+            # Last, because an entry means that all files exist.
             write_whole(manifest / f"{chunk}.json", json.dumps(entry).encode())
         # Several hosts publish it together, when none of them is writing (`stored`).
         if not self.published and self.host is None:

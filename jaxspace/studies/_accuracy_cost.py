@@ -92,7 +92,7 @@ def accuracy_cost(
             try:
                 rows += cost_rows(case, name, method, precision, own_tolerances, reference, repeats)
             except (TypeError, ValueError) as error:
-                # A system may hold numbers whose precision the study cannot change.
+                # A system may contain numbers whose precision the study cannot change.
                 if precision == own:
                     raise
                 first_line = str(error).strip().splitlines()[0]

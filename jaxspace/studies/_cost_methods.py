@@ -62,7 +62,7 @@ def methods_by_name(
                 f"methods contains {method!r}: it must contain solvers with an error estimate or "
                 f"with fixed steps, such as DOP853(), or {CLOSED_FORM!r}."
             )
-        # "auto" may stand for a method that is named as well.
+        # "auto" may select a method that is named as well.
         if method not in result:
             result.append(method)
     names = numbered([method_name(method) for method in result])
@@ -86,8 +86,8 @@ def tolerances_of(
     if method == CLOSED_FORM:
         return [None]
     if method == "auto" and isinstance(system, Mission):
-        # The tolerance is traced, so that "auto" stands for what it takes at tight ones. Looser
-        # ones, for which it takes another method, would show the wrong row.
+        # The tolerance is traced, so that "auto" is the method for tight ones. Looser ones, for
+        # which it selects another method, would show the wrong row.
         tight = _methods_of_phases(system, y0, 2.0 * least_tolerance(state_dtype(y0)))
         return [r for r in tolerances if _methods_of_phases(system, y0, r) == tight]
     if isinstance(method, diffrax.AbstractSolver) and solver_traits(method).fixed_step:

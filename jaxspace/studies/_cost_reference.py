@@ -25,7 +25,7 @@ from .cost_table import CLOSED_FORM, Method, method_name
 # Fraction of the duration at which a closed form is divided: in no simple ratio to the rest, so
 # that no whole number of revolutions hides an error.
 FIRST_PART = 0.381966
-# Of the tightest tolerance: rounding may keep a run from the first of these.
+# Of the tightest tolerance: rounding may prevent a run with the first of these.
 TIGHTER = (1e-2, 1e-1, 1.0)
 # Factors of the steps of a run, tried where they run out: a reference may take longer than the runs
 # that are compared with it.

@@ -83,7 +83,7 @@ def _programs(
     # In double precision the reference has compiled a method already.
     known = reference.programs.get(name) if precision == "float64" else None
     if known is None:
-        # The tolerance is traced, so that one program serves all of them.
+        # The tolerance is traced, so that one program is sufficient for all of them.
         known = Programs(aot_compile(case.run(method), case.arrays, FIXED_STEP_RTOL), None)
     if known.gradient is None and reference.gradient is not None and reference.output is not None:
         known = known._replace(gradient=jax.jit(case.gradient(method, reference.output)))

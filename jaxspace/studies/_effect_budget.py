@@ -109,7 +109,7 @@ def _output(output: str | Callable[..., Array] | None, y0: State) -> tuple[Outpu
     """The output as a function, its name and its unit."""
     if callable(output):
         declared: Output | None = getattr(output, "output", None)
-        # A plain function does not say what it reads, and gets the state alone.
+        # A plain function does not declare its inputs, and receives the state only.
         if declared is None:
             return lambda t, y: output(y), "output", ""
         return _by_name(output), getattr(output, "__name__", "output"), declared.unit

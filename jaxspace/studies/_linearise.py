@@ -49,7 +49,7 @@ class Blocks(NamedTuple):
             for x, k in zip(rates, map(_first_leaf, axes), strict=True)
             if k >= 0
         ]
-        # Only declared blocks say where their components end; those without follow from them.
+        # Only declared blocks define where their components end; the others follow from them.
         runs = np.broadcast_shapes(*declared) if declared else ()
         shapes, labels = [], []
         for (path, block), k in zip(paths, map(_first_leaf, axes), strict=True):

@@ -166,7 +166,7 @@ class Modes(HashedModule):
         # In no simple ratio to the matrix, so that the place is unlikely to be a zero.
         place = 0.377 * scale
         inverse = np.linalg.eigvals(np.linalg.solve(pencil - place * weight, weight))
-        # The others lie at infinity.
+        # The others are at infinity.
         finite = np.abs(inverse) * scale > np.finfo(pencil.dtype).eps ** 0.3
         return np.sort_complex(place + 1.0 / inverse[finite])
 

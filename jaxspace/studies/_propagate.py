@@ -116,7 +116,7 @@ def propagate_covariance(
         run = run_mean(uncertain, uncertain.about(y0, _initial(covariance, size, 0)), ts)
         assert isinstance(run, Trajectory)
         return run, run.states.covariance
-    # Of two branches each has a delay of its own: one matrix cannot carry both.
+    # Two branches have different delays: one matrix cannot represent both.
     check_one_line(system, "propagate_covariance")
     if any(isinstance(phase.system, AbstractRunnable) for phase in system.phases):
         raise InputError(
@@ -131,7 +131,8 @@ def propagate_covariance(
             f"noise has {len(each)} entries: it must have one for each of the {len(system.phases)} "
             "phases, or be common to all."
         )
-    # A jump may change what the state holds: the size is checked where the first phase starts.
+    # A jump may change the structure of the state: the size is checked where the first phase
+    # starts.
     first, *others = each
     mission = uncertain_mission(system, (_density(first, size), *others))
     # One more than the state has: the delay of the start, which is known to be none.

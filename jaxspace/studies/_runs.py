@@ -162,5 +162,5 @@ def distance(state: State, reference: State) -> float:
             # A quaternion and its negative are one attitude.
             apart = np.minimum(apart, np.linalg.norm(block.values + exact.values))
         relative.append(apart / exact.size)
-    # NumPy's maximum keeps a NaN, Python's may lose it.
+    # NumPy's maximum propagates NaN, Python's may lose it.
     return float(np.max(relative))

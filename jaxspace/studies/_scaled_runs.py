@@ -110,7 +110,7 @@ def scaled_runs(
     program = jax.jit(run)
 
     def call(factors: list[float], direction: list[float], rtol: float) -> tuple:
-        # Arrays of the state's precision: Python floats would compile a program of their own.
+        # Arrays of the state's precision: Python floats would compile a separate program.
         factor_arrays = [jnp.asarray(x, dtype) for x in factors]
         direction_arrays = [jnp.asarray(x, dtype) for x in direction]
         return program(arrays, factor_arrays, direction_arrays, jnp.asarray(rtol, dtype))

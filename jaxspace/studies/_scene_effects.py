@@ -57,7 +57,7 @@ def scale_effects(system: Runnable, factors: dict[str, Scalar]) -> Runnable:
 
     def change(scene: Scene) -> Scene:
         named = zip(effect_names(scene), scene.effects, strict=True)
-        # With all parts, so that one initial state serves the scene whatever its factors are.
+        # With all parts, so that one initial state is valid for the scene with any factors.
         return scene.with_effects([scaled(e, factors[name]) for name, e in named], scene.parts)
 
     return _map_scenes(system, change)

@@ -214,7 +214,7 @@ class _Choice(NamedTuple):
     def columns(self, system: AbstractSystem | Mission, y0: State) -> Coordinates:
         paths, leaves = zip(*jax.tree_util.tree_flatten_with_path((system, y0))[0], strict=True)
         tree = jax.tree.unflatten(self.structure, [jnp.asarray(leaves[n]) for n in self.numbers])
-        # Without the number that says whether it is of the system or of the state.
+        # Without the number that distinguishes the system from the state.
         names = [name_of(paths[n][1:]) for n in self.numbers]
         return Coordinates.of(tree, self.run_axes, names)
 

@@ -96,8 +96,8 @@ class Coordinates(NamedTuple):
             part = x[at : at + size]
             part = part.reshape(*shape, *part.shape[1:])
             missing = len(shape) + len(behind) - part.ndim
-            # Axes of times and runs lie behind the components, where broadcasting does not add them
-            # by itself.
+            # Time and batch axes follow the components, where broadcasting does not add them
+            # automatically.
             local = jnp.broadcast_to(part.reshape(part.shape + (1,) * missing), (*shape, *behind))
             at += size
             result.append(block.moved(local) if on_group(block) else block + local)

@@ -224,7 +224,7 @@ def _cells(row: Cost, least_error: float, gradient: bool) -> list[str]:
     """The text of a row.
 
     A star marks a failed run, a less-than sign an error below that of the reference."""
-    # A dash for NaN, which stands for an unknown number.
+    # A dash for NaN, which represents an unknown number.
     error = "-"
     if not math.isnan(row.error):
         below = "< " if row.error < least_error else ""

@@ -75,8 +75,8 @@ TIME = "time (s)"
 CLIMB = "vertical velocity"
 HEIGHT = "altitude"
 THRUST = "thrust"
-# Mach numbers of a flight that lie closer than this become one point.
-# Time steps of a flight give thousands of points, which differ by noise alone.
+# Mach numbers of a flight that are closer than this become one point. Time steps of a flight give
+# thousands of points, which differ by noise only.
 APART = 0.01
 # Of a number in a table: the slopes between larger ones would overflow.
 LARGEST = 1e100
@@ -148,8 +148,8 @@ def _of_table(path: str, sheet: Sheet) -> dict[str, np.ndarray]:
     if np.any(result.pop("sideslip", np.zeros(1)) != 0.0):
         raise InputError(f"{path} has angles of sideslip: it must have alpha and phi only.")
     if "centre_ahead" in result:
-        # RASAero gives a centre of small angles beside that by the angle: it goes with the slope of
-        # the normal force at zero.
+        # RASAero lists a centre for small angles in addition to that by angle: it belongs to the
+        # slope of the normal force at zero.
         ahead = result.pop("centre_ahead")
         at_zero = result.get("angle", np.zeros(1)) == 0.0
         result["centre"] = np.where(at_zero, ahead, result.get("centre", ahead))
@@ -160,7 +160,7 @@ def _of_table(path: str, sheet: Sheet) -> dict[str, np.ndarray]:
         result["pitch_damping"] = result.get("pitch_damping", 0.0) + lag
     for key in ("pitch_damping", "roll_damping"):
         if key in result:
-            # DATCOM says by a flag whether its derivatives are by radians or by degrees.
+            # A flag of DATCOM indicates whether its derivatives are per radian or per degree.
             result[key] = result[key] / np.where(per_radian == 0.0, DEGREE, 1.0)
     return result
 

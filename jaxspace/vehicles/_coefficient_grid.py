@@ -89,7 +89,7 @@ def _folded(columns: dict[str, np.ndarray], name: str) -> tuple[dict[str, np.nda
         # Negative angles are the other side of the plane of the flow, which the roll covers.
         ahead = columns["angle"] >= 0.0
         columns = {key: x[ahead] for key, x in columns.items()}
-        # Degrees that were rounded may lie past half a turn.
+        # Rounded degrees may be beyond half a turn.
         columns["angle"] = np.minimum(columns["angle"], np.pi)
     given = [key for key in AXES if key in columns and np.unique(columns[key]).size > 1]
     if "mach" not in given:
@@ -151,7 +151,7 @@ def _across(angle: np.ndarray, grid: dict[str, np.ndarray], name: str) -> dict[s
     result = {}
     slope = grid.get("normal_slope")
     normal = slope
-    # At a single angle of zero the force itself says nothing: the slope is all that there is.
+    # At a single angle of zero the force itself is zero: only the slope is available.
     if "normal" in grid and (angle.size > 1 or slope is not None):
         normal = _over_sine(angle, grid["normal"], slope)
     if normal is not None:

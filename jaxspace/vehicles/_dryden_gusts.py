@@ -106,7 +106,7 @@ def dryden_intensities(
 
     known = with_rank(rms_aloft, rank)
     h = by_height(np.clip(height, LOWEST, LOW) / FOOT)
-    # From 2000 ft on, where the model of high altitude holds alone.
+    # From 2000 ft on, where only the high-altitude model applies.
     high = np.clip(height, HIGH, RMS_HEIGHTS[-1])
     k = np.clip(np.searchsorted(RMS_HEIGHTS, high) - 1, 0, RMS_HEIGHTS.size - 2)
     at = by_height((high - RMS_HEIGHTS[k]) / (RMS_HEIGHTS[k + 1] - RMS_HEIGHTS[k]))

@@ -112,7 +112,7 @@ def interval(nodes: Float[Array, "nodes *#runs"], x: Scalar) -> tuple[Int[Array,
     nodes = with_rank(nodes, max(jnp.ndim(x), nodes.ndim - 1)) if nodes.ndim > 1 else nodes
     # By comparisons, because `clip` has half a slope at both ends.
     held = jnp.where(x < nodes[0], nodes[0], jnp.where(x > nodes[-1], nodes[-1], x))
-    # Without the ends: what lies beyond them belongs to the first and the last interval.
+    # Without the ends: points beyond them belong to the first and the last interval.
     inner = nodes[1:-1]
     if nodes.ndim == 1:
         index = jnp.searchsorted(inner, held, side="right")

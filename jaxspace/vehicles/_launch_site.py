@@ -144,7 +144,8 @@ class LaunchSite(AbstractParameters):
         # Half of the angle off the vertical, as a quaternion has it.
         tilt = 0.5 * (0.5 * jnp.pi - self.inclination)
         c, s = jnp.cos(tilt), jnp.sin(tilt)
-        # The axis of the tilt lies across the heading: (cos, -sin, 0) turns z towards north for 0.
+        # The axis of the tilt is perpendicular to the heading: (cos, -sin, 0) turns z towards north
+        # for 0.
         a, b = jnp.sin(self.heading), jnp.cos(self.heading)
         return Quaternion(jnp.stack(jnp.broadcast_arrays(c, -s * b, s * a, 0.0 * c)))
 

@@ -81,7 +81,7 @@ class MeasuredAtmosphere(AbstractAtmosphere):
 
     def air_at(self, height: Scalar) -> Air:
         temperature, pressure = jnp.exp(cubic(self.heights, self.data, height))
-        # The cubic holds its values beyond the levels; the pressure falls on.
+        # The cubic is constant beyond the levels; the pressure continues to decrease.
         beyond = height - interval(self.heights, height)[1]
         pressure = pressure * isothermal_ratio(beyond, temperature)
         # By the pressure: at the same temperature the density follows, and the speed of sound

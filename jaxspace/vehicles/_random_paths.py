@@ -58,7 +58,7 @@ def longitudinal(
 
     - `steps`: distances between the nodes over the correlation length.
     - `z`: a standard normal number for each node."""
-    # The variance stays one: what is kept and what is fresh have squares that sum to it.
+    # The variance remains one: the squares of the retained and the new part sum to it.
     keep = jnp.exp(-steps)
     fresh = jnp.sqrt(-jnp.expm1(-2.0 * steps))
 

@@ -37,7 +37,7 @@ from ..core.files import finite_number, read_text
 from ._separated import Row, separated
 from ._sounding_lists import read_list
 
-# A list with a longer gap has lost levels: between them no interpolation would tell the air.
+# A list with a longer gap has lost levels: interpolation between them would be meaningless.
 LARGEST_GAP = 6e3
 """m, between two levels: of the mandatory ones none are so far apart."""
 FASTEST = 150.0
@@ -198,7 +198,7 @@ def _levels(path: str, heads: list[str], rows: list[Row], service: bool) -> Leve
             raise InputError(
                 f"{path}: the unit of {name} is {unit!r}: it must be one of {', '.join(units)}."
             )
-        # What overflows is refused by its range.
+        # Overflowing values are rejected by their range.
         with np.errstate(over="ignore"):
             x = units[unit] * np.array([_number(path, row, k, name) for row in rows])
         if key == "temperature" and unit != "k":
@@ -241,7 +241,8 @@ def _profile(path: str, levels: Levels, first: str, second: str) -> Profile:
     if first not in columns or second not in columns:
         return Profile(np.empty((3, 0)), np.empty(0, int))
     x = np.stack([columns["height"], columns[first], columns[second]])
-    # A level without one of both says nothing of this profile, and may say all of the other.
+    # A level without one of both has no information on this profile, but may be complete for the
+    # other.
     whole = np.all(np.isfinite(x), axis=0)
     x, lines = x[:, whole], levels.lines[whole]
     if levels.service and x.shape[1] > 0:
@@ -281,7 +282,7 @@ def _check_pressures(path: str, air: Profile) -> None:
     """Raise `InputError` for a pressure that does not fall as that of air must."""
     height, pressure, temperature = air.levels
     fall = -np.diff(pressure)
-    # What air in equilibrium falls by, and a rounding may hide.
+    # The decrease of pressure in equilibrium, which rounding may hide.
     scale = GAS_CONSTANT / (GRAVITY * MOLAR_MASS) * temperature[1:]
     hidden = (fall == 0.0) & (pressure[:-1] * -np.expm1(-np.diff(height) / scale) <= ROUNDING)
     wrong = (fall <= 0.0) & ~hidden

@@ -64,7 +64,7 @@ def _wyoming(path: str, lines: list[str], head: int) -> Sheet:
             if result.rows:
                 break
             continue
-        # The page goes on with indices of its station.
+        # The page continues with indices of its station.
         if not re.match(r"[\s\d.+-]+$", line):
             if "<" in line or line.lstrip()[:7] == "Station":
                 break
@@ -98,7 +98,7 @@ def _igra(path: str, lines: list[str], head: int) -> Sheet:
     result = Sheet([name for name, _, _ in IGRA_COLUMNS], [])
     for number, line in enumerate(lines[head + 1 :], head + 2):
         if line.startswith("#"):
-            # Files of a station hold all soundings of its history.
+            # Files of a station contain all soundings of its history.
             count = sum(bool(IGRA_HEAD.match(line)) for line in lines)
             raise InputError(
                 f"{path}, line {number} begins another sounding, of {count} in total: the file "

@@ -140,8 +140,8 @@ class TabulatedAerodynamics(AbstractEffect):
         damping = -s2
         lag = s1
         if "pitch_damping" in c:
-            # A measured damping holds for the moment alone: what turning adds to the force is not
-            # in the table, and is left out rather than taken from the parts of another theory.
+            # A measured damping applies to the moment only: the contribution of rotation to the
+            # force is not in the table, and is omitted rather than computed with another theory.
             damping, lag = 0.5 * area * length * length * c["pitch_damping"], 0.0 * s1
         arm = self.table.station - station
         # Of the parts where the table has no force across the axis.
@@ -171,7 +171,7 @@ class TabulatedAerodynamics(AbstractEffect):
         area, length = self.table.area, self.table.length
         forcing, damping = roll_of(several(self.fins), mach)
         damping = None if damping is None else -damping
-        # What the table has replaces the theory of the parts.
+        # Table entries replace the theory of the parts.
         if "roll_moment" in c:
             forcing = area * length * c["roll_moment"]
         if "roll_damping" in c:

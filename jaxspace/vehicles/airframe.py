@@ -100,7 +100,7 @@ class NoseCone(AbstractSurface):
         - `shape`: "conical", "ogive" (tangent), "parabolic", "ellipsoid" or "von_karman".
         """
         length, r = as_float(length), as_float(radius)
-        # The centre lies L - V/(pi r^2) behind the tip, V the volume (Barrowman 3-8).
+        # The centre is L - V/(pi r^2) behind the tip, V the volume (Barrowman 3-8).
         shares = {"conical": 2 / 3, "parabolic": 0.5, "ellipsoid": 1 / 3, "von_karman": 0.5}
         share = shares[shape] if shape in shares else 1.0 - _ogive_volume(r, length)
         return cls(r, tip, share * length)
@@ -166,7 +166,7 @@ class FinSet(AbstractSurface):
     def single_slope(self, mach: Scalar) -> Scalar:
         """S of an isolated fin, m^2 (Diederich's formula)."""
         mean = 0.5 * (self.root_chord + self.tip_chord)
-        # How far the middle of the tip chord lies behind that of the root.
+        # Distance of the middle of the tip chord behind that of the root.
         middle = self.sweep_length + 0.5 * (self.tip_chord - self.root_chord)
         # Aspect ratio over the cosine of the sweep at half chord, with the span taken in.
         wide = 2.0 * jnp.sqrt(self.span**2 + middle**2) / mean
@@ -176,7 +176,7 @@ class FinSet(AbstractSurface):
 
     def slope(self, mach: Scalar) -> Scalar:
         n = self.count
-        # From five fins on they lie in each other's wake (Niskanen 3.2.2).
+        # From five fins on they are in each other's wake (Niskanen 3.2.2).
         # A selection and not a table by index, because the number of fins is a traced float.
         losses = jnp.select(
             [n == 5.0, n == 6.0, n == 7.0, n == 8.0], [2.37, 2.74, 2.99, 3.24], 0.5 * n

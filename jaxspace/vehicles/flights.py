@@ -254,7 +254,7 @@ def _with_descent(
     """The phases of the ascent, and behind them those to the ground; `within`: the longest time to
     wait for the end of each, s."""
     phases = list(ascent)
-    # The mass goes on as a part of the state, although nothing changes it: phases before and after
+    # The mass remains part of the state, although it is constant: phases before and after
     # have it.
     flying = here.scene(here.vehicle.as_body(here.air, powered=False), ("mass",))
     if recovery and recovery[0].height is not None:

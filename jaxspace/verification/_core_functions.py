@@ -45,7 +45,7 @@ def stumpff_functions(x: Array) -> Array:
 
 def elliptic_k(x: Array) -> Array:
     """The complete elliptic integral K from the complement of its parameter."""
-    # By its complement, which holds the digits beside modulus one, where K grows without bound.
+    # By its complement, which is accurate near modulus one, where K grows without bound.
     return complete_elliptic(x)
 
 
@@ -82,6 +82,6 @@ def euler_angles(x: Array) -> Array:
 
 def turned_there_and_back(x: Array) -> Array:
     """Euler's angles 3-1-3 by way of their quaternion, rad."""
-    # There and back, because a quaternion of a small theta holds psi and phi in numbers of its
-    # size, from which they must come whole.
+    # There and back, because a quaternion with small theta contains psi and phi in numbers of its
+    # size, from which they must be recovered accurately.
     return to_euler_angles(from_euler_angles(x, "313"), "313")

@@ -51,7 +51,7 @@ def sizes(x: Array) -> Array:
 
 def tilt(x: Array) -> Array:
     """Inclination from position and velocity."""
-    # Apart from `elements`: beside zero it has its digits, where the node has lost its own.
+    # Separate from `elements`: it is accurate near zero, where the node has lost its digits.
     return inclination(x[:3], x[3:6])[None]
 
 

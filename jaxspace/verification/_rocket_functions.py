@@ -30,8 +30,8 @@ def ratio_for(x: Array) -> Array:
 
 def burnout_height(x: Array) -> Array:
     """Height at burnout of a vertical ascent from its five parameters."""
-    # Near a mass ratio of one it is a difference, which a series replaces: cases stand on both
-    # sides of where it begins.
+    # Near a mass ratio of one it is a difference, which a series replaces: there are cases on both
+    # sides of its start.
     return vertical_burnout_height(*x)[None]
 
 

@@ -144,7 +144,7 @@ def _slope_error(computed: np.ndarray, truth: np.ndarray, inputs: np.ndarray) ->
 
     Those by inputs far from one, which have large units, count as derivatives by their logarithm.
     """
-    # Not below one: by an input of zero a derivative by its logarithm would say nothing.
+    # Not below one: for an input of zero a derivative with respect to its logarithm is meaningless.
     weights = np.maximum(np.abs(inputs), 1.0)
     overall = _size(truth * weights)
     return max(

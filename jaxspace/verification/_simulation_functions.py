@@ -76,7 +76,7 @@ def burnt(x: Array) -> Array:
     start = BodyState(
         position=1e3 * moving, velocity=moving, attitude=attitude, omega=zero, mass=x[3]
     )
-    # Twice as long as it burns, so that the burnout lies within the run.
+    # Twice as long as it burns, so that the burnout is within the run.
     ts = jnp.stack([zero[0], 2.0 * x[2]])
     return simulate(scene, start, ts, accuracy=tight(), throw=False).final.velocity[2:]
 

@@ -167,8 +167,8 @@ def _nested_object(annotation: object) -> Object | None:
         # By their ancestors, because `issubclass` of an abstract class asks all of its subclasses.
         if not isinstance(one, type) or AbstractParameters not in one.__mro__:
             continue
-        # These have tables of their own at the top of a file, and are not nested, but for a system
-        # that is named: a part of another one.
+        # These have separate top-level tables in a file, and are not nested, except for a named
+        # system that is part of another one.
         part = AbstractSystem in one.__mro__ and getattr(one, "__final__", False)
         if part or not set(TOP_LEVEL) & set(one.__mro__):
             return object_kind(one)

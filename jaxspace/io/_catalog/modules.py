@@ -35,7 +35,8 @@ def defined_in(module: NamedFile) -> list[object]:
     return [
         thing
         for name, thing in vars(ran).items()
-        # What it imports belongs to others: two modules that import one class would name it twice.
+        # Imported objects belong to other modules: two modules that import the same class would
+        # define it twice.
         if not name.startswith("_") and getattr(thing, "__module__", None) == ran.__name__
     ]
 

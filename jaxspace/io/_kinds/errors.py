@@ -33,7 +33,8 @@ def without_repetition(lines: list[str]) -> list[str]:
 
 def shown(value: object) -> str:
     """A value as a file writes it, cut short when it is long."""
-    # JSON writes lists and text as TOML does; `default=str` serves dates, which JSON has not.
+    # JSON writes lists and text as TOML does; `default=str` handles dates, which JSON does not
+    # have.
     text = printable(json.dumps(value, ensure_ascii=False, default=str))
     # Shortened, because a whole table may be in the place of a number.
     return text if len(text) <= 60 else text[:57] + "..."

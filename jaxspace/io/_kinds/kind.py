@@ -13,8 +13,8 @@ from ...core.quantities import REQUIRED
 from ..units import WrittenUnits
 from .named_files import NamedFiles
 
-# What stands in a file: a table, a list, a number, text or `None`; where objects are built, arrays
-# stand for the numbers. A recursive type would need a cast at every step of a path.
+# A value of a file: a table, a list, a number, text or `None`; when objects are built, arrays
+# replace the numbers. A recursive type would need a cast at every step of a path.
 Value: TypeAlias = Any
 Values: TypeAlias = dict[str, Value]
 Schema: TypeAlias = dict[str, object]

@@ -145,7 +145,8 @@ def build_system(file: Parsed, values: Values, runs: Runs) -> tuple[AbstractSyst
 
 def build_state(file: Parsed, building: Building, system: AbstractSystem | None = None) -> State:
     """The initial state, of every run; the mass of a body is not among its parts."""
-    # The state has the axis of runs from the start, because the carry of a loop keeps its shape.
+    # The state has the axis of runs from the start, because the carry of a loop must not change its
+    # shape.
     full = building._replace(full=True)
     if "initial" in full.makers:
         maker = full.makers["initial"]._replace(make=system.state)  # type: ignore[union-attr]

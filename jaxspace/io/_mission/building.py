@@ -66,7 +66,7 @@ class Building(NamedTuple):
             if value is None and entry.shared:
                 value = at(self.values, entry.shared)
                 source = entry.shared
-            # Omitted, and not passed as `None`, so that the default of the class holds.
+            # Omitted, and not passed as `None`, so that the default of the class applies.
             if value is not None and key in maker.arguments:
                 arguments[maker.arguments[key]] = self._value(entry.kind, value, source)
         return maker.make(**arguments)

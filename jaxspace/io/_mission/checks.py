@@ -146,11 +146,11 @@ def _orbit_errors(file: Parsed) -> list[str]:
     """Errors of a maker of initial states although each number is in its range."""
     result = []
     for path, maker in file.makers.items():
-        # One that needs parts made by another is asked with them, where the state is built.
+        # One that requires parts created by another is checked with them, when the state is built.
         if not path.startswith("initial.") or needed_parts(maker):
             continue
         try:
-            # What is allowed and doubtful is said when the state is built.
+            # Allowed but doubtful values are reported when the state is built.
             with warnings.catch_warnings(action="ignore"):
                 file.building().make(path)
         except InputError as error:
@@ -216,7 +216,7 @@ def _unmet(name: str, reading: Reading, path: str, parts: set[str], file: Parsed
     massless = body.constant_mass() is None and body.loaded_mass() is None
     if ("force" in reading.adds or "mass" in reading.needs) and massless:
         result.append(f"{_no_mass(path, file)}; the effect {name} requires the mass of the body.")
-    # What an effect adds has to be integrated, even where the effect does not read it.
+    # Parts that an effect adds have to be integrated, even if the effect does not read them.
     needed = reading.needs & (TRANSLATION | ROTATION)
     for added in reading.adds & set(CALLS_FOR):
         needed |= CALLS_FOR[added]
@@ -297,7 +297,7 @@ def _mass_errors(leg: Leg, file: Parsed) -> list[str]:
     building = file.building()
     paths = [line.path for line in file.leaving(leg)]
     given = sum(float(building.make(f"{path}.body").loaded_mass()) for path in paths)
-    # Unknown where the state alone says what is left of a stage.
+    # Unknown where only the state contains the remaining mass of a stage.
     whole = building.make(leg.body).loaded_mass()
     if whole is None or given < whole:
         return []

@@ -53,7 +53,7 @@ def control_kind(catalog: Catalog, of_phase: bool = False) -> Table:
             "delay": Entry(DELAY, 0.0, doc="until a command arrives"),
             "limit": Entry(SIZE, None, doc="greatest component of a command"),
             "quantum": Entry(SIZE, None, doc="step between commands"),
-            # A phase says in its own table what ends it.
+            # The table of a phase defines its end.
             **({} if of_phase else until),
             "steps": Entry(Whole(1, 10**4), 1, doc="steps between two samples"),
             "seed": Entry(Whole(0), 0, doc="seed of the sensor noise"),

@@ -75,14 +75,14 @@ def phases_of_flight(file: Parsed) -> list[str]:
 def build_flight(file: Parsed, values: Values, runs: Runs) -> tuple[Mission, BodyState]:
     """Mission and initial state, of every run; arguments as in `build_mission`."""
     building = Building(values, file.makers, runs)
-    # What the file leaves out has the default of `sounding_flight`.
+    # Omitted entries have the defaults of `sounding_flight`.
     longest = {f"{name}_within": x for name, x in values["waiting"].items() if x is not None}
     mission, y0 = sounding_flight(
         building.make("vehicle"), building.make("site"), parachutes(building), **longest
     )
     if runs.count is None:
         return mission, y0
-    # Where only parachutes and air scatter, all runs start alike.
+    # Where only parachutes and air are dispersed, all runs have the same start.
     shared = jnp.ndim(y0.mass) == 0
     batch = jax.tree.map(lambda x: x[..., None], y0) if shared else y0
     return mission, jax.tree.map(lambda x: jnp.broadcast_to(x, (*x.shape[:-1], runs.count)), batch)

@@ -24,8 +24,8 @@ class Parsed:
     values: Values = dataclasses.field(compare=False)
     makers: dict[str, Maker] = dataclasses.field(compare=False)
     catalog: Catalog = dataclasses.field(compare=False)
-    # What all other fields follow from. Compared in their place, because campaigns hold a file as a
-    # static field: loaded again, the same file finds the programs compiled before.
+    # All other fields follow from these, which are compared instead, because campaigns contain a
+    # file as a static field: when it is loaded again, the compiled programs are reused.
     source: Hashable
 
     @property

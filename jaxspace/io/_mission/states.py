@@ -22,7 +22,7 @@ def parts_of_state(file: Parsed, place: int = -1) -> set[str]:
     cls = state_of(file)
     if cls is not BodyState or "initial" in file.makers:
         parts = set(quantities(cls))
-        # A system's own maker of states says nothing about the parts; a body's are those of it.
+        # The state constructor of a system does not describe the parts; those of a body do.
         return parts if cls is not BodyState else {"attitude", "omega"}
     line = file.line_at(place) if file.kind == "mission" else None
     return file.parts(line) | ({"mass"} if file.changes_mass else set())

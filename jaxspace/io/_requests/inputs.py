@@ -203,7 +203,7 @@ def _read(key: str, entry: Value, nominal: Measure, file: Parsed, files: NamedFi
         raise ValueError(wrong(f"{key}.distribution", name, what) + hint(name, known))
     cls = known[name]
     fields = file.catalog.kinds[cls].ways[0].entries
-    # Measured values may stand in a file of their own.
+    # Measured values may be in a separate file.
     file_keys = FILE_KEYS if "values" in fields and "weights" not in fields else ()
     for given in entry:
         if given not in ("distribution", *fields, *file_keys):

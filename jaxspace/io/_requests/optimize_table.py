@@ -103,7 +103,7 @@ class OneOutput(Kind):
         if isinstance(value, Mapping):
             options = {key: value[key] for key in self.options if key in value}
             known = (*OUTPUT, *self.options)
-            # Of outputs of a campaign there are more keys, which say nothing here.
+            # Outputs of a campaign have more keys, which are irrelevant here.
             reading.errors += [
                 unknown(f"{path}.{key}", key, known) for key in value if key not in known
             ]

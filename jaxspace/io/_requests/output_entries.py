@@ -263,7 +263,7 @@ def _unit_of_path(key: str, path: tuple[str, ...], place: int, file: Parsed) -> 
     if path[0] not in parts:
         raise ValueError(unknown(key, path[0], sorted(parts), "part of the state"))
     quantity = declared[path[0]]
-    # The declaration of an attitude says that it is an object, and not how many numbers it has.
+    # The declaration of an attitude specifies an object, but not its number of components.
     shape = quantity.shape or ((4,) if path[0] == "attitude" else ())
     indices = path[1:]
     good = len(indices) == len(shape) and all(
@@ -302,7 +302,7 @@ def applicable_outputs(file: Parsed, units: WrittenUnits) -> tuple[OutputSpec, .
         compares = {NOMINAL, "initial"} & set(arguments_of(function))
         # Over flat ground the origin is not a centre.
         compares |= {name} & set(ABOUT_A_CENTRE) if file.kind == "flight" else set()
-        # What a body feels is of interest along a run, and takes a trace of all loads.
+        # The sensed acceleration is of interest along a run, and requires a trace of all loads.
         compares |= {"scene"} & set(arguments_of(function))
         if not compares and not _lacking(name, function, file):
             si = function.output.unit

@@ -178,7 +178,7 @@ class Outputs(eqx.Module):
                 q, s = jax.vmap(moving, in_axes=(0, -2, -2))(*curve)
                 values.append(q)
                 slopes.append(s)
-        # Several phases at once, because the extreme of the run may lie in any of them.
+        # Several phases at once, because the extreme of the run may be in any of them.
         extreme = greatest if spec.take.endswith("greatest") else least
         result = extreme(times, values, slopes or None)
         return result.time if spec.take.startswith("time") else result.value
@@ -260,7 +260,7 @@ def line_ends(
 def at_path(y: State, path: tuple[str, ...]) -> Array:
     """A number of a state: the name of a part, then indices."""
     part = getattr(y, path[0])
-    # An array, or an object that holds a single one, as a quaternion does.
+    # An array, or an object with a single one, such as a quaternion.
     (array,) = jax.tree.leaves(part)
     for index in path[1:]:
         array = array[int(index)]

@@ -162,7 +162,7 @@ class Optimum:
             raise InputError(
                 f"Sensitivities are available for a converged optimum only. {self.sentence()}"
             )
-        # Numbers of the tables of the search say how it went, and not where its optimum lies.
+        # Numbers in the tables of the search control its course, not the location of its optimum.
         fixed = {
             path: float(x)
             for path, x in measures(self.file.values)

@@ -14,7 +14,7 @@ from ..units import read_number
 def with_numbers(file: FileContent, task: Task, values: Mapping[str, float]) -> str:
     """The text of the `file` with the design variables of the `task` replaced by the `values`, SI,
     by path."""
-    # Only this function needs the library that keeps comments.
+    # Only this function needs the library that preserves comments.
     with extra("app"):
         import tomlkit
 

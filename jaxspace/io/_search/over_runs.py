@@ -151,7 +151,7 @@ def _constraint(demand: Demand) -> Constraint:
 def _lower(name: str, taken: RunStatistic) -> AbstractStatistic:
     """The statistic of an output of which less is worse."""
     if taken.kind == QUANTILE:
-        # What 99 % of the runs exceed is the quantile of 1 %.
+        # The value exceeded by 99 % of the runs is the 1 % quantile.
         return Quantile(name, 1.0 - taken.number)
     if taken.kind == BEYOND:
         return CVaR(name, taken.number, lower=True)

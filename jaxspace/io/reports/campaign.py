@@ -143,7 +143,7 @@ def comparison_table(rows: Sequence[Comparison]) -> str:
         off = f"{sign}{abs(c.mean_error):.3f} std dev"
         sign = "±" if c.method == MONTE_CARLO else "+" if c.std_error >= 0.0 else "-"
         more = f"{sign}{100.0 * abs(c.std_error):.2f} %"
-        # Digits below a percent of the deviation would be those of the method's own error.
+        # Digits below a percent of the standard deviation would show the error of the method.
         mean, std = number(c.mean, 0.01 * c.std), number(c.std, 0.01 * c.std)
         took = f"{c.seconds:.2g}"
         shown.append((c.output, c.method, mean, off, std, more, str(c.runs), took, word))
