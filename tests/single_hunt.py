@@ -31,14 +31,19 @@ FAR = 1e37
 MOST_INPUTS = 60
 NOTES: dict[str, str] = {
     **dict.fromkeys(
-        ("polhode_period", "cubic_period"),
-        "a tilt from the separatrix below 1e-19, whose square no number holds, counts as none",
+        ("polhode_period", "cubic_period", "principal_spins", "large_nutation"),
+        "a tilt from the separatrix, an axis or the vertical below 1e-19, whose square no number "
+        "holds, counts as none",
     ),
     "euler_angles": "the sign of a half turn",
     "axis_and_angle": "the sign of a half turn",
     "principal_moments": "moments that differ by less than a rounding have no axes of their own",
-    "impulse": "a difference of elements: `first_order=True` keeps the digits of a small impulse",
-    "tangential": "a negative eccentricity, which no orbit has",
+    **dict.fromkeys(
+        ("tangential", "through_a_place"), "a negative eccentricity, which no orbit has"
+    ),
+    "between_turns": "the apsidal angle of nearly inverse-square forces hardly depends on the "
+    "scale: its slopes are what is left of slopes of the potential 1/ratio of radii as large",
+    "anomalies": "there and back: slopes by e of 1/(1 - e) that cancel",
     "density": "air of 1e-34 kg/m^3",
     "air": "air at the centre of the planet",
 }
@@ -157,14 +162,23 @@ def judge(subject: Subject, x, key: np.random.Generator) -> Found:
         size = np.abs(value) + np.einsum("nij,nj->ni", np.abs(np.nan_to_num(slope)), lengths)
         changes = np.zeros_like(slope)
         for _ in range(4):
-            moved = x + key.choice([-1.0, 1.0], x.shape) * EPS * lengths
+            # By unequal amounts, because equal ones of two factors may cancel in all of the moves.
+            moved = x + key.uniform(-1.5, 1.5, x.shape) * EPS * lengths
             changes = np.maximum(changes, np.abs(subject.truth(moved)[1] - slope) / EPS)
+        # The difference of two small inputs may be below the normal numbers, where it counts as
+        # zero.
+        moved = x + np.where(x == 0.0, 0.0, 4.0 * key.choice([-TINY, TINY], x.shape))
+        moved_value, moved_slope, _ = subject.truth(moved)
+        size += np.abs(moved_value - value) / EPS
+        changes = np.maximum(changes, np.abs(moved_slope - slope) / EPS)
         # Where an input was zero at the start, a change by one counts.
         starts = np.abs(np.asarray(subject.form.starts, float))
         scales = subject.lengths(starts)[np.arange(len(x)) % len(starts)]
         scales = np.maximum(np.where(scales == 0.0, 1.0, scales), lengths)[:, None]
         exists = np.all(np.isfinite(value) & (np.abs(value) < FAR), axis=1)
         exists &= np.all(np.isfinite(slope) & (np.abs(slope) < FAR), axis=(1, 2))
+        # Within a rounding of the end of a range there is no slope to compare with.
+        has_slope = np.all(np.isfinite(changes), axis=(1, 2))
         errors = slope_errors = 0.0
         for rows in subject.rows():
             most = np.max(size[:, rows], axis=1)
@@ -176,7 +190,7 @@ def judge(subject: Subject, x, key: np.random.Generator) -> Found:
             for mode in modes:
                 error = np.max(np.abs(mode - slope)[:, rows] * scales, axis=(1, 2))
                 slope_errors = np.fmax(slope_errors, _in_roundings(error, most))
-    values, slopes = (np.where(exists, e, 0.0) for e in (errors, slope_errors))
+    values, slopes = np.where(exists, errors, 0.0), np.where(exists & has_slope, slope_errors, 0.0)
     worst, steepest = np.argmax(values), np.argmax(slopes)
     return Found(subject.promotes, values[worst], x[worst], slopes[steepest], x[steepest])
 

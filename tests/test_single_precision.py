@@ -23,7 +23,10 @@ from jaxspace.core import InputError, Scalar, State
 from jaxspace.gyros import TwoGimbalGyro
 from jaxspace.gyros.bearing import BearingFriction, RotorMotor
 from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.orbits.lambert import lambert
+from jaxspace.orbits.planets import synodic_period
 from jaxspace.orbits.point_gravity import point_gravity
+from jaxspace.orbits.radial_motion import radial_motion
 from jaxspace.rockets import SpinningRocket
 from jaxspace.rotations import Quaternion
 
@@ -187,6 +190,62 @@ def test_closed_forms_next_to_their_singular_places(name):
     assert not found.promotes
     assert found.value < single_hunt.DEFECT, found.inputs
     assert found.slope < single_hunt.DEFECT, found.slope_inputs
+
+
+# Where a search found more roundings than that: beside singular places, or where products left the
+# range of float32.
+PLACES = {
+    # The shadow falls along the position.
+    "shells": (0.3, 0.0, 0.0, 1.0, 1.0, 50.0, 0.0, 1.2e-35, 1e-6, 0.02),
+    # Next to the centre, in metres.
+    "third": (7e-6, 6e-18, -2e-18, 3e8, -8e-18, 4e-18, 4.9e12),
+    # A top nearly without spin.
+    "turning_circles": (9.5e-26, 0.498, 2.0, 0.1),
+    # An impulse far below a rounding of the speed.
+    "impulse": (0.6, 0.985, 0.187, -0.738, 0.722, 0.146, 1e-9, -2e-9, 1e-9, 1.0),
+    # A turn through 0.01 rad.
+    "free_flight": (3.66385555, 1.99997759, 1.00000048, 0.0029, 0.00484, -0.00393, 1.7334),
+}
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_closed_forms_at_places_found_by_the_search(name):
+    (subject,) = single_hunt.subjects([name], places=1)
+    place = single_hunt.single_numbers([PLACES[name]])
+    found = single_hunt.judge(subject, place, np.random.default_rng(0))
+    assert found.value < 30.0
+    assert found.slope < 30.0
+
+
+@pytest.mark.parametrize("duration", [1e-8, 1e-12])
+def test_a_transfer_along_a_fast_hyperbola(duration):
+    """The cube of the slope of its time of flight is below the range of float32. The path is
+    straight: r2 - r1 = v T."""
+    start, end = (jnp.asarray(x, jnp.float32) for x in ([1.0, 0.0, 0.0], [1.6, 0.2, 0.1]))
+    given = start, end, jnp.asarray(duration, jnp.float32), jnp.asarray(1.0, jnp.float32)
+    for velocity in lambert(*given):
+        np.testing.assert_allclose(velocity * duration, end - start, rtol=2e-6)
+
+
+def test_the_synodic_period_of_close_circles():
+    """To the digits of the difference of the radii, S = T r / (1.5 dr)."""
+    radii = 1.0, 1.0 + 2.0**-20
+    found = synodic_period(*(jnp.asarray(x, jnp.float32) for x in (*radii, 1.0)))
+    np.testing.assert_allclose(found, 2.0 * math.pi / 1.5 * 2.0**20, rtol=2e-6)
+    assert jnp.isinf(synodic_period(1.0, 1.0, 1.0))
+    assert jax.grad(synodic_period)(1.0, 1.0, 1.0) == 0.0
+
+
+def test_derivatives_of_a_radial_motion_between_far_radii():
+    """Of Kepler's ellipse, by the inner radius: T = 2 pi a^(3/2), E = -1/(2 a), a = (r1 + r2)/2."""
+    inner, outer = (jnp.asarray(x, jnp.float32) for x in (2.0**-8, 8.0))
+    motion, slopes = jax.jvp(
+        lambda r: radial_motion(lambda r: -1.0 / r, r, outer), (inner,), (jnp.ones_like(inner),)
+    )
+    a = 0.5 * (inner + outer)
+    np.testing.assert_allclose(motion.period, 2.0 * math.pi * a**1.5, rtol=2e-6)
+    np.testing.assert_allclose(slopes.period, 1.5 * math.pi * a**0.5, rtol=1e-5)
+    np.testing.assert_allclose(slopes.energy, 0.25 / a**2, rtol=2e-6)
 
 
 def test_gravity_of_far_planets_in_metres():

@@ -34,6 +34,7 @@ import jax.numpy as jnp
 from ..core import Flag, Scalar
 from ..core.barrier import computed_once
 from ..core.safe import safe_divide, safe_sqrt
+from ..core.squares import quotient
 
 # Newton's steps: the two bounds from which they start are within a factor of 1.5 of the root, and
 # five steps reach rounding from there.
@@ -105,13 +106,15 @@ def turning_circles(
     wide, falls = (a2 > 0.0) | ((a2 == 0.0) & (b > 0.0)), (a1 < 0.0) | (a2 <= 0.0)
     below = jnp.where(falls & (d > 0.0), d, 1.0)
     width = jnp.where(wide, b, 1.0)
-    rest = (a2 + d) / width
-    product = jnp.where(falls, g * g / below, (2.0 * half_slope + rest * d) / width)
-    total = jnp.where(wide, rest, (b * product - 2.0 * half_slope) / below)
+    rest = quotient(a2 + d, width)
+    product = quotient(
+        jnp.where(falls, g * g, 2.0 * half_slope + rest * d), jnp.where(falls, below, width)
+    )
+    total = jnp.where(wide, rest, quotient(b * product - 2.0 * half_slope, below))
     # From the other vertical y3 + |beta| is far: no second form is needed there.
     far = jnp.where(d + b == 0.0, 1.0, d + 2.0 * b)
-    product_down = g_down * g_down / far
-    total_down = (2.0 * (e_down + N * g_down) - b * product_down) / far
+    product_down = quotient(g_down * g_down, far)
+    total_down = quotient(2.0 * (e_down + N * g_down) - b * product_down, far)
     # No `maximum`, which halves the derivative at zero.
     sum_up = 0.5 * jnp.where(total < 0.0, 0.0, total)
     product_up = 0.25 * jnp.maximum(product, 0.0)
@@ -133,10 +136,12 @@ def turning_circles(
 
 def _middle(N: Scalar, b: Scalar, e: Scalar, g: Scalar, g_down: Scalar) -> tuple[Place, Flag]:
     """The place u = gamma/N, where psi' vanishes, and whether the axis passes it."""
-    spin = 2.0 * jnp.where(N == 0.0, 1.0, N)
-    up, down = -g / spin, g_down / spin
+    # Both shares from 0 to 1; elsewhere one in place of a spin that may be far smaller than g.
+    between = (N != 0.0) & (g * jnp.sign(N) <= 0.0) & (g_down * jnp.sign(N) >= 0.0)
+    spin = 2.0 * jnp.where(between, N, 1.0)
+    up, down = quotient(-g, spin), quotient(g_down, spin)
     energy = e + 2.0 * b * up
-    passes = (N != 0.0) & (up >= 0.0) & (down >= 0.0) & (energy >= 0.0)
+    passes = between & (energy >= 0.0)
     sin_squared = 4.0 * up * down
     slope = -b * sin_squared - 2.0 * (down - up) * energy
     return Place(up, down, energy * sin_squared, slope), passes
@@ -146,8 +151,8 @@ def _width_squared(start: Place, b: Scalar, d: Scalar, applies: Flag) -> Scalar:
     """(u1 - u2)^2 / 4 by the start, as a sum of squares, for runs for which it `applies`."""
     steep = d + 2.0 * b * start.up
     steep = jnp.where(applies & (steep > 0.0), steep, 1.0)
-    product = start.rate_squared / steep
-    offset = (start.slope + b * product) / steep
+    product = quotient(start.rate_squared, steep)
+    offset = quotient(start.slope + b * product, steep)
     return 0.25 * offset * offset + product
 
 
@@ -167,7 +172,9 @@ def _largest_root(a2: Scalar, a1: Scalar, c: Scalar) -> Scalar:
     samuelson = (2.0 * safe_sqrt(jnp.maximum(a2 * a2 - 3.0 * a1, 0.0)) - a2) / 3.0
     width = jnp.where(a2 > 0.0, a2, 1.0)
     root = safe_sqrt(a1 * a1 + 4.0 * width * c)
-    quadratic = jnp.where(a1 < 0.0, 0.5 * (root - a1) / width, safe_divide(2.0 * c, a1 + root))
+    quadratic = jnp.where(
+        a1 < 0.0, quotient(0.5 * (root - a1), width), safe_divide(2.0 * c, a1 + root)
+    )
     start = jnp.where(a2 > 0.0, jnp.minimum(samuelson, quadratic), samuelson)
     start = jax.lax.stop_gradient(jnp.maximum(start, 0.0))
     d = jax.lax.fori_loop(0, STEPS, lambda _, d: newton(d), start)

@@ -86,7 +86,9 @@ def drift_by_dissipation(
 
     **Returns** theta', rad/s, (*runs,): positive for C < A.
     """
-    return dissipation / (h * h * (1.0 / C - 1.0 / A) * jnp.sin(theta) * jnp.cos(theta))
+    # By the difference of the moments, because that of their reciprocals has lost digits.
+    difference = (A - C) / (A * C)
+    return dissipation / (h * h * difference * jnp.sin(theta) * jnp.cos(theta))
 
 
 @formula(

@@ -205,10 +205,13 @@ def _turn(
 
 
 def _slow(body: ArrangedBody, duration: Scalar) -> Flag:
-    """Whether the body turns through less than about 0.003 rad, where derivatives of the direction
-    of h lose their digits."""
+    """Whether the body turns through less than about 0.003 rad, 0.1 rad in single precision, where
+    derivatives of the direction of h lose their digits."""
     i, w = body.moments, body.omega
-    return dot(i * w, w) / jnp.min(i, axis=0) * duration * duration < 1e-5
+    # Up to an angle at which the lost digits, eps / angle, equal the relative error of the
+    # derivatives of the series, about angle^4 / 144.
+    least = max(1e-5, (144.0 * float(jnp.finfo(w.dtype).eps)) ** 0.4)
+    return dot(i * w, w) / jnp.min(i, axis=0) * duration * duration < least
 
 
 def _small_turn(body: ArrangedBody, later: Vector, duration: Scalar) -> Quaternion:

@@ -19,6 +19,16 @@ _FAR = 2.0**40
 _FACTOR = 2.0**80
 
 
+def is_narrow(*parts: Scalar) -> bool:
+    """Whether squares of such numbers may leave the range: in every precision below float64.
+
+    **Arguments**
+
+    - `parts`: numbers, (*runs,)."""
+    kind = jnp.result_type(*parts)
+    return bool(jnp.issubdtype(kind, jnp.floating)) and jnp.finfo(kind).bits < 64
+
+
 def square_factor(*parts: Scalar) -> Scalar | float:
     """A factor for numbers whose squares are added: 1, or a power of two where the greatest of them
     is so small or large that its square leaves the range of the precision.
@@ -26,8 +36,7 @@ def square_factor(*parts: Scalar) -> Scalar | float:
     **Arguments**
 
     - `parts`: numbers in one unit, (*runs,)."""
-    kind = jnp.result_type(*parts)
-    if not jnp.issubdtype(kind, jnp.floating) or jnp.finfo(kind).bits >= 64:
+    if not is_narrow(*parts):
         return 1.0
     size = functools.reduce(jnp.maximum, map(jnp.abs, parts))
     factor = jnp.where(size < 1.0 / _FAR, _FACTOR, jnp.where(size > _FAR, 1.0 / _FACTOR, 1.0))
@@ -41,8 +50,7 @@ def unit_factor(*parts: Scalar) -> Scalar | float:
     **Arguments**
 
     - `parts`: numbers in one unit, (*runs,)."""
-    kind = jnp.result_type(*parts)
-    if not jnp.issubdtype(kind, jnp.floating) or jnp.finfo(kind).bits >= 64:
+    if not is_narrow(*parts):
         return 1.0
     size = functools.reduce(jnp.maximum, map(jnp.abs, parts))
     per_size = 1.0 / jnp.where((size > 0.0) & jnp.isfinite(size), size, 1.0)

@@ -31,7 +31,7 @@ from .barrier import barrier
 from .safe import safe_divide
 from .shapes import check_components, with_rank
 from .square_roots import inverse_sqrt, sqrt
-from .squares import square_factor
+from .squares import is_narrow, square_factor
 from .types import Matrix, Scalar, Vector
 
 Tangent: TypeAlias = Array | SymbolicZero
@@ -90,12 +90,22 @@ def _inverse_norm_rule(
 ) -> tuple[Scalar, Scalar]:
     # In one rule, because those of root, quotient and products take several times as many
     # operations along many directions. From the relative change, because in metres a higher power
-    # would leave the range of float32. As a sum over the axis, as in `dot`, and held, so that
-    # reverse mode computes what it spreads over the components once.
+    # would leave the range of float32.
     (a,) = primals
     (da,) = tangents
     p = inverse_norm(a, power)
-    return p, (-power * p) * (inverse_norm(a, 2) * barrier(jnp.sum(a * da, axis=0)))
+    return p, (-power * p) * _relative_change(a, da)
+
+
+def _relative_change(a: Vector, da: Vector) -> Scalar:
+    """That of the length of `a` by a change `da`: a . da / |a|^2."""
+    # As a sum over the axis, as in `dot`, and held, so that reverse mode computes what it spreads
+    # over the components once.
+    if is_narrow(a):
+        # By the direction, because 1 / |a|^2 leaves the range of float32 in products.
+        p = inverse_norm(a)
+        return p * barrier(jnp.sum((p * a) * da, axis=0))
+    return inverse_norm(a, 2) * barrier(jnp.sum(a * da, axis=0))
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(2,))
@@ -122,7 +132,7 @@ def _over_norm_rule(
     scalar, a = primals
     d_scalar, da = tangents
     q = over_norm(scalar, a, power)
-    bend = (-power * q) * (inverse_norm(a, 2) * barrier(jnp.sum(a * da, axis=0)))
+    bend = (-power * q) * _relative_change(a, da)
     return q, over_norm(d_scalar, a, power) + bend
 
 
@@ -200,7 +210,11 @@ def _norm_rule(primals: tuple[Vector], tangents: tuple[Vector]) -> tuple[Scalar,
     (a,) = primals
     (da,) = tangents
     length = norm(a)
-    return length, safe_divide(1.0, length) * jnp.sum(a * da, axis=0)
+    per_length = safe_divide(1.0, length)
+    if is_narrow(a):
+        # The direction first, because the products of a small vector leave the range.
+        return length, jnp.sum((per_length * a) * da, axis=0)
+    return length, per_length * jnp.sum(a * da, axis=0)
 
 
 @jax.custom_jvp

@@ -27,6 +27,7 @@ from jaxtyping import Array
 from ..core import Flag, Scalar
 from ..core.barrier import barrier, computed_once
 from ..core.square_roots import inverse_sqrt, sqrt
+from ..core.squares import unit_factor
 from ._transfer_time import one_minus_plus, series_k, transfer_time
 
 Pair: TypeAlias = tuple[Scalar, Scalar]
@@ -71,7 +72,9 @@ def _direct(time: Scalar, lam: Scalar, kappa: Scalar) -> Scalar:
 
     def correction(x: Scalar) -> tuple[Scalar, Scalar]:
         value, slope, second, third = _derivatives(x, lam, kappa, 0)
-        late = value - time
+        # On a fast hyperbola the cube of the slope leaves the range of float32.
+        unit = unit_factor(slope)
+        late, slope, second, third = (unit * d for d in (value - time, slope, second, third))
         slope2 = slope * slope
         bend = slope * (slope2 - late * second) + third * late * late / 6.0
         return -late, -late * (slope2 - 0.5 * late * second) / bend

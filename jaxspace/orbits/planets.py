@@ -1,6 +1,6 @@
 """Planets on coplanar circles: the synodic period, and the departure phase of a transfer.
 
-    1/S = |1/T1 - 1/T2|
+    1/S = |1/T1 - 1/T2|,  S = T1 r2/|r2 - r1| (m + r2)/(r1 + m + r2),  m = sqrt(r1 r2)
     phi = pi (1 - ((1 + r1/r2)/2)^(3/2))
 
     symbol   meaning                                                           unit
@@ -22,6 +22,7 @@ import jax.numpy as jnp
 
 from ..core import Scalar
 from ..core.formula import POSITIVE, formula
+from ..core.squares import quotient
 from ..core.types import as_float
 from .time_of_flight import period
 
@@ -35,10 +36,16 @@ def synodic_period(radius: Scalar, other: Scalar, mu: Scalar) -> Scalar:
     - `radius`, `other`: of the circles, m.
     - `mu`: gravitational parameter, m^3/s^2.
 
-    **Returns** S, s; infinite for equal radii.
+    **Returns** S, s; infinite for equal radii, with derivatives of zero.
     """
-    first, second = period(radius, mu), period(other, mu)
-    return first * second / jnp.abs(first - second)
+    first, second = as_float(radius), as_float(other)
+    # By the difference of the radii, which is exact between close ones, and not of the periods.
+    apart = jnp.abs(second - first)
+    equal = apart == 0.0
+    mean = second * jnp.sqrt(quotient(first, second))
+    share = (mean + second) / (first + mean + second)
+    value = period(first, mu) * quotient(second, jnp.where(equal, 1.0, apart)) * share
+    return jnp.where(equal, jnp.inf, value)
 
 
 @formula(radius=POSITIVE, target_radius=POSITIVE)

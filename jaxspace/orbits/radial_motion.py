@@ -47,6 +47,7 @@ from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import safe_divide
 from ..core.square_roots import inverse_sqrt, sqrt
+from ..core.squares import quotient, unit_factor
 from ..core.vectors import cross, dot, norm
 
 Potential: TypeAlias = Callable[[Scalar], Scalar]
@@ -165,47 +166,55 @@ def radial_motion(potential: Potential, inner: Scalar, outer: Scalar) -> RadialM
     circle the angle and the period are NaN.
     """
     inner, outer = jnp.broadcast_arrays(jnp.asarray(inner), jnp.asarray(outer))
-    # Relative to the inner radius, so that no power of the distance leaves the range of float32.
-    x_1 = jnp.zeros_like(inner)
-    x_2 = jnp.log(outer / inner)
-
-    def u(x):
-        return potential(inner * jnp.exp(x))
-
-    zero_level = u(x_1)
+    x_2 = jnp.log(quotient(outer, inner))
+    lower, upper = potential(inner), potential(outer)
 
     def weighted(x):
-        return jnp.exp(2.0 * x) * (u(x) - zero_level)
+        return jnp.exp(2.0 * x) * (potential(inner * jnp.exp(x)) - lower)
 
-    # T(x_1) = T(x_2) = h^2/2 gives the kinetic energy at both ends.
-    kinetic = _divided(weighted, x_1, x_2) / _divided(lambda x: jnp.exp(2.0 * x), x_1, x_2)
-    h_squared = 2.0 * kinetic
+    # T(x_1) = T(x_2) = h^2/2 gives the kinetic energy at the inner end.
+    close = jnp.abs(x_2) < CLOSE
+    zero, near = jnp.zeros_like(x_2), jnp.where(close, x_2, 0.0)
+    mean = _divided(weighted, zero, near) / _divided(lambda x: jnp.exp(2.0 * x), zero, near)
+    ratio = quotient(inner, outer)
+    share = jnp.where(close, 1.0, (1.0 - ratio) * (1.0 + ratio))
+    kinetic = jnp.where(close, mean, (upper - lower) / share)
+    # In a unit of length in which no power of the distance leaves the range of float32.
+    unit = unit_factor(outer)
+    half_h_squared = kinetic * (unit * inner) ** 2
+    # Each half of the nodes is measured from the nearer end, where no large terms cancel, neither
+    # in the values nor in the derivatives by the other end.
     chi = (np.arange(NODES) + 0.5) * np.pi / NODES
-    rise = jnp.asarray(np.sin(0.5 * chi) ** 2, inner.dtype)
-    x = rise.reshape((-1,) + (1,) * inner.ndim) * x_2
-    # Each half of the nodes is measured from the nearer end, where no large terms cancel.
-    first = x < x_2 - x
-    end = jnp.where(first, x_1, x_2)
-    level = jnp.where(first, u(x_1), u(x_2))
-    end_kinetic = jnp.where(first, kinetic, kinetic * jnp.exp(-2.0 * x_2))
+    shape = (-1,) + (1,) * inner.ndim
+    first = (chi < 0.5 * np.pi).reshape(shape)
+    shares = np.where(chi < 0.5 * np.pi, np.sin(0.5 * chi) ** 2, -(np.cos(0.5 * chi) ** 2))
+    x = jnp.asarray(shares, inner.dtype).reshape(shape) * x_2
+    end, level = jnp.where(first, inner, outer), jnp.where(first, lower, upper)
+    length = unit * end
 
     def t(x):
-        return jnp.exp(2.0 * x) * (end_kinetic - (u(x) - level))
+        gain = potential(end * jnp.exp(x)) - level
+        return jnp.exp(2.0 * x) * (half_h_squared - length * length * gain)
 
     close = jnp.broadcast_to(x_2 < CLOSE, x.shape)
-    near = jnp.where(close, x, 0.0)
-    bend = _second_divided(t, jnp.zeros_like(x), near, jnp.where(close, x_2, 0.0))
-    from_end = _divided(t, end, x) / jnp.where(close, 1.0, jnp.where(first, x - x_2, x))
-    q = -2.0 * jnp.where(close, bend, from_end) / h_squared
-    inverse_root = inverse_sqrt(q)
-    h = sqrt(h_squared)
-    time = jnp.mean(jnp.exp(2.0 * x) * inverse_root, axis=0)
+    bend = _second_divided(
+        t,
+        jnp.where(close & ~first, -x_2, 0.0),
+        jnp.where(close, x, 0.0),
+        jnp.where(close & first, x_2, 0.0),
+    )
+    apart = jnp.where(first, x - x_2, x + x_2)
+    from_end = _divided(t, jnp.zeros_like(x), x) / jnp.where(close, 1.0, apart)
+    # h^2 Q, because h cancels from the period.
+    inverse_root = inverse_sqrt(-2.0 * jnp.where(close, bend, from_end))
+    h = sqrt(2.0 * half_h_squared)
+    r = length * jnp.exp(x)
     return RadialMotion(
-        jnp.pi * jnp.mean(inverse_root, axis=0),
-        2.0 * jnp.pi * inner * time / h,
+        jnp.pi * h * jnp.mean(inverse_root, axis=0),
+        2.0 * jnp.pi * jnp.mean(r * r * inverse_root, axis=0) / unit,
         # At the outer radius: at the inner one both terms may be far greater than their sum.
-        u(x_2) + kinetic * jnp.exp(-2.0 * x_2),
-        inner * h,
+        upper + kinetic * ratio * ratio,
+        h / unit,
     )
 
 

@@ -156,6 +156,16 @@ def test_projectiles():
     np.testing.assert_allclose(up, [0.0, -west, 0.0], rtol=1e-12, atol=1e-9)
 
 
+def test_a_small_impulse_keeps_its_digits():
+    """Next to the first order, from which the change differs by its own share of the speed."""
+    elements = ClassicalElements.from_periapsis(1.0, 0.3, 0.7, 0.4, 1.1, 2.0)
+    r, v = state_from_elements(elements, 1.0)
+    impulse = 1e-14 * jnp.array([0.3, -0.5, 0.8])
+    whole, first = (impulse_change(r, v, impulse, 1.0, first_order=x) for x in (False, True))
+    for name, value in first.items():
+        np.testing.assert_allclose(whole[name], value, rtol=1e-12)
+
+
 def test_an_impulse_in_any_direction():
     """The first order is that of the exact change, whose rest falls with the square."""
     elements = ClassicalElements.from_periapsis(1.0, 0.3, 0.7, 0.4, 1.1, 2.0)
