@@ -316,9 +316,9 @@ def _check_good(code: int, what: str) -> None:
 def input_moments(
     inputs: dict[str, AbstractDistribution],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The values of the nominal run, (n,), and the covariance of the inputs, (n, n)."""
+    """Mean, (n,), and covariance, (n, n), of the inputs."""
     names = list(inputs)
-    centre = np.array([float(inputs[name].mean) for name in names])
+    centre = np.array([float(inputs[name].expectation) for name in names])
     covariance = np.zeros((len(names), len(names)))
     for a, name in enumerate(names):
         d = inputs[name]

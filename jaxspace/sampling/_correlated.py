@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from ..core import InputError
 from ..core.printing import printed
 from ..core.types import as_float
-from .distributions import AbstractDistribution
+from .distributions import AbstractDistribution, Normal
 from .joint import AbstractJoint
 
 
@@ -111,6 +111,10 @@ class MultivariateNormal(AbstractJoint):
     def from_normal(self, z: Float[Array, " k"]) -> Float[Array, " n"]:
         return self.centre + self.factor @ z
 
+    def outside(self, index: int, low: float, high: float) -> float:
+        deviation = jnp.sqrt(jnp.sum(self.factor[index] ** 2))
+        return Normal(self.centre[index], deviation).outside(low, high)
+
     def text(self) -> str:
         mean, factor = _shown(self.centre), _shown(self.factor)
         return f"multivariate normal, mean {mean}, factor {factor}"
@@ -161,6 +165,13 @@ class Correlated(AbstractJoint):
     def from_normal(self, z: Float[Array, " k"]) -> Float[Array, " n"]:
         mixed = self.factor @ z
         return jnp.stack([d.from_normal(mixed[k]) for k, d in enumerate(self.marginals)])
+
+    @property
+    def expectation(self) -> Float[Array, " n"]:
+        return jnp.stack([d.expectation for d in self.marginals])
+
+    def outside(self, index: int, low: float, high: float) -> float:
+        return self.marginals[index].outside(low, high)
 
     def text(self) -> str:
         marginals = "; ".join(d.text() for d in self.marginals)

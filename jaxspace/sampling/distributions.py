@@ -54,6 +54,11 @@ class AbstractDistribution(AbstractParameters):
         return self.deviation**2
 
     @property
+    def expectation(self) -> Float[Array, ""]:
+        """Mean of a draw; that of a truncated distribution differs from its `mean`."""
+        return self.mean
+
+    @property
     def source(self) -> str:
         """The name of a draw shared by several inputs; empty for a separate draw."""
         return ""
@@ -216,15 +221,23 @@ class TruncatedNormal(AbstractDistribution):
             )
 
     @property
+    def expectation(self) -> Float[Array, ""]:
+        """Mean after truncation."""
+        weights, x = self._rule()
+        return self.mean + jnp.sum(weights * x)
+
+    @property
     def variance(self) -> Float[Array, ""]:
-        """Variance after truncation: the trapezoidal rule is exact to rounding for smooth
-        integrands."""
+        """Variance after truncation."""
+        weights, x = self._rule()
+        return jnp.sum(weights * (x - jnp.sum(weights * x)) ** 2)
+
+    def _rule(self) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        """Weights of the trapezoidal rule, which is exact to rounding for smooth integrands, and
+        differences from the mean before truncation, in which a small deviation keeps its digits."""
         z = jnp.linspace(-8.5, 8.5, 2001, dtype=jnp.result_type(self.mean))
         weights = jnp.exp(-0.5 * z * z)
-        weights = weights / jnp.sum(weights)
-        # From the mean before the cut, so that the digits of a small deviation are not lost.
-        x = jax.vmap(self.from_normal)(z) - self.mean
-        return jnp.sum(weights * (x - jnp.sum(weights * x)) ** 2)
+        return weights / jnp.sum(weights), jax.vmap(self.from_normal)(z) - self.mean
 
     def sample(self, key: Array) -> Float[Array, ""]:
         a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation

@@ -48,6 +48,18 @@ class AbstractJoint(HashedModule):
     def text(self) -> str:
         """The distribution in words, for records."""
 
+    @property
+    def expectation(self) -> Float[Array, " n"]:
+        """Mean of a draw; that of truncated marginals differs from `mean`."""
+        return self.mean
+
+    def outside(self, index: int, low: float, high: float) -> float:
+        """The share of all draws whose component `index` is below `low` or above `high`: from 4096
+        draws, unless a distribution computes it exactly."""
+        z = jax.random.normal(jax.random.key(0), (4096, self.dimensions))
+        x = np.asarray(jax.vmap(self.from_normal)(z))[:, index]
+        return float(np.mean((x < low) | (x > high)))
+
     def inputs(self, *names: str) -> dict[str, AbstractDistribution]:
         """The inputs of a campaign with these `names`, drawn together.
 
@@ -101,9 +113,11 @@ class Component(AbstractDistribution):
         return self.joint.from_normal(z)[self.index]
 
     def outside(self, low: float, high: float) -> float:
-        z = jax.random.normal(jax.random.key(0), (4096, self.joint.dimensions))
-        x = np.asarray(jax.vmap(self.from_normal)(z))
-        return float(np.mean((x < low) | (x > high)))
+        return self.joint.outside(self.index, low, high)
+
+    @property
+    def expectation(self) -> Float[Array, ""]:
+        return self.joint.expectation[self.index]
 
     def text(self) -> str:
         return f"number {self.index} of {self.joint.text()}"

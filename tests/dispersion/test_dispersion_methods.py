@@ -15,6 +15,7 @@ from jaxspace.core import AbstractClosedForm, AbstractSystem, InputError, Scalar
 from jaxspace.dispersion import (
     Campaign,
     Constant,
+    Correlated,
     Discrete,
     MultivariateNormal,
     Normal,
@@ -241,6 +242,28 @@ def test_outputs_across_all_of_the_inputs():
         found = moments(Campaign(at_rest, inputs, combined), method, check=0)
         variances = np.diag(found.covariance)
         assert np.all(variances >= 0.0) and np.all(variances < 1e-13)
+
+
+def test_linear_moments_of_an_uneven_cut():
+    """Cut at -1 and 2 deviations: the mean is (phi(a) - phi(b)) / (Phi(b) - Phi(a)), alone and as
+    a marginal of correlated inputs."""
+    mean = (norm.pdf(-1.0) - norm.pdf(2.0)) / (norm.cdf(2.0) - norm.cdf(-1.0))
+    cut, even = TruncatedNormal(0.0, 1.0, -1.0, 2.0), Uniform(-1.0, 1.0)
+    joint = Correlated.of((cut, even), np.eye(2))
+    for inputs in ({"x0": cut, "v0": even}, joint.inputs("x0", "v0")):
+        found = moments(Campaign(build, inputs, outputs), check=0)
+        assert found.mean[found.names.index("x")] == pytest.approx(mean, rel=1e-9)
+
+
+def test_share_outside_of_joint_inputs():
+    """Closed forms of the marginals, far below one in 4096."""
+    joint = MultivariateNormal([1.0, 0.0], [[4.0, -0.9], [-0.9, 0.25]])
+    share = joint.inputs("a", "b")["a"].outside(-np.inf, 11.0)
+    assert share == pytest.approx(norm.sf(5.0), rel=1e-9)
+    pair = Correlated.of((Normal(0.0, 1.0), Uniform(-1.0, 1.0)), [[1.0, 0.5], [0.5, 1.0]])
+    a, b = pair.inputs("a", "b").values()
+    assert a.outside(-np.inf, 6.0) == pytest.approx(norm.sf(6.0), rel=1e-9)
+    assert b.outside(-np.inf, 0.999) == pytest.approx(0.0005, rel=1e-9)
 
 
 def test_methods_beside_monte_carlo():
