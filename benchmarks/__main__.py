@@ -20,7 +20,8 @@ NAMES = (
     *("ascent", "choice", "eccentric_orbits", "dragged_orbits", "short_pulses", "gradients"),
     *("hybrid_training", "first_call", "first_answers", "kick_stage", "elements", "porkchop"),
     *("effects", "crossings", "model_rocket", "campaign", "closed_loops"),
-    *("environment_steps", "instruments", "dispersion_methods", "rocket_campaign", "of_others"),
+    *("environment_steps", "instruments", "dispersion_methods", "rare_events"),
+    *("rocket_campaign", "of_others"),
     *("optimisers", "chapter_8", "which_method", "design"),
 )
 
