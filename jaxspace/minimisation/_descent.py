@@ -203,7 +203,7 @@ def _after_evaluation(
 def _started(s: DescentState, found: Evaluation, setting: Setting) -> DescentState:
     """At the start: the scales, and the error of the gradient where it was probed."""
     first = s.calls == 0
-    weight = weights(found.values[0], jnp.max(jnp.abs(found.jacobian), axis=1))
+    weight = weights(found.values, found.jacobian)
     weight = jnp.where(first, weight, s.weight)
     if not setting.check:
         return s._replace(weight=weight)

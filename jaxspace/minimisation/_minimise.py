@@ -72,8 +72,9 @@ def minimise(
       BFGS, for problems that are cheap to differentiate twice.
     - `scale`: typical sizes of the unknowns, a pytree like `start`; by default the range of the
       bounds, or the larger of the start and 1. Objective and constraints are scaled by their
-      derivatives at the start. Convergence is judged by those at the result, with which the search
-      continues where the start was much steeper.
+      derivatives at the start, or by their values where those derivatives are far smaller.
+      Convergence is judged by those at the result, with which the search continues where the start
+      was much steeper.
     - `progress`: called after each step with its number, objective, scaled violation and
       gradient; not under `jit`. Ctrl-C ends such a search with the best result so far, from its
       first step on.

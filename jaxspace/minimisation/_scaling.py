@@ -3,10 +3,12 @@
     z = x / size        f, c, d -> weight * (f, c, d)
 
     size      `scale`; by default the range of the bounds, or the larger of the start and 1
-    weight    the inverse of the largest derivative in z at the start; larger where those near the
-              result are far smaller (`_local_scale.py`)
+    weight    the inverse of the largest derivative in z at the start, or where that is far smaller
+              than the value, of a part of the value; larger where the derivatives near the result
+              are far smaller (`_local_scale.py`)
 
 The multipliers of the problem itself follow: a multiplier is the quotient of two scaled numbers.
+Source: Waechter and Biegler 2006, 3.8 (scaling by the gradients at the start).
 """
 
 from collections.abc import Callable
@@ -21,7 +23,8 @@ from ._bounds import Bounds
 from ._criterion import Criterion, Minimum, Point
 from ._entry import shapes_of
 
-# Near the optimum the slope vanishes and cannot set the scale: there the value does.
+# Where the slope vanishes, as that of an objective near its minimum or of |x|^2 - 1 at x = 0, the
+# value sets the scale.
 LEAST_SLOPE = 1e-3
 
 
@@ -84,10 +87,11 @@ def scaled_problem(
     return ScaledProblem(problem, *scaled, (low, high), unravel, blank, me, mi, bounded)
 
 
-def weights(objective: Float[Array, ""], rows: Float[Array, " rows"]) -> Float[Array, " rows"]:
-    """The inverse of the size of each row of the Jacobian, from the largest derivatives in the
-    `rows`, of which the first is that of the `objective`; 1 for a row of zeros."""
-    rows = rows.at[0].max(LEAST_SLOPE * jnp.abs(objective))
+def weights(values: Float[Array, " rows"], jacobian: Float[Array, "rows n"]) -> Array:
+    """The inverse of the size of each row of f, c and d, from its largest derivative in z, but at
+    least from `LEAST_SLOPE` of its value; 1 for a row of zeros."""
+    rows = jnp.max(jnp.abs(jacobian), axis=1)
+    rows = jnp.maximum(rows, LEAST_SLOPE * jnp.abs(values))
     usable = (rows > 0.0) & jnp.isfinite(rows)
     return jnp.where(usable, 1.0 / jnp.where(usable, rows, 1.0), 1.0)
 

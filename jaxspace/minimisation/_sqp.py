@@ -87,7 +87,7 @@ def advance(
 
 def _started(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
     """Set the scales from the values and gradients at the start."""
-    weight = weights(evaluation.values[0], jnp.max(jnp.abs(evaluation.jacobian), axis=1))
+    weight = weights(evaluation.values, evaluation.jacobian)
     at = scaled(evaluation, weight, s.y.size)
     checked, probed = jnp.any(s.probed != 0.0), probes_of(s.x, limits, s.level)
     claimed = weight * (evaluation.jacobian @ probed.direction)

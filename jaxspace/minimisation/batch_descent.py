@@ -234,7 +234,7 @@ def _advance(s: BatchState, scaled: ScaledProblem, stepper: Stepper, average: fl
     mode = jax.jacfwd if s.z.size <= FORWARD_RATIO * s.weight.size else jax.jacrev
     jacobian, values = mode(numbers, has_aux=True)(s.z)
     sound = jnp.all(jnp.isfinite(jacobian)) & jnp.all(jnp.isfinite(values))
-    first = weights(values[0], jnp.max(jnp.abs(jacobian), axis=1))
+    first = weights(values, jacobian)
     weight = jnp.where((s.step == s.left_out) & sound, first, s.weight)
     scaled_values, rows = weight * values, weight[:, None] * jacobian
     me = scaled.me

@@ -117,3 +117,27 @@ def test_least_time_steering_from_several_starts():
         assert found.converged, found.sentence()
         assert int(found.reason) in (StopReason.CONVERGED, StopReason.ROUNDED)
         np.testing.assert_allclose(found.x["time"], 100.0 * reference.x[-1], rtol=1e-10)
+
+
+@pytest.mark.parametrize("start", [(0.0, 0.0), (1e-6, 1e-6), (2.0, -1.0)], ids=str)
+@pytest.mark.parametrize("kind", ["equal_zero", "non_negative"])
+def test_constraints_of_any_steepness(kind, start):
+    """The least sum on the unit circle, with the constraint in units from 1e-8 to 1e12 of the
+    objective, also from its centre, where the constraint has no slope."""
+
+    @jax.jit
+    @jax.vmap
+    def searched(unit):
+        return minimise(
+            lambda x: Criterion(x[0] + x[1], **{kind: unit * (1.0 - x @ x)}), jnp.array(start)
+        )
+
+    units = 10.0 ** np.arange(-8.0, 13.0)
+    found = searched(jnp.asarray(units))
+    assert np.all(found.converged)
+    np.testing.assert_allclose(found.x, -np.sqrt(0.5), rtol=1e-8)
+    # Violations and multipliers are those in the units of the problem.
+    assert np.all(found.violation <= 1e-9 * units)
+    sign = -1.0 if kind == "non_negative" else 1.0
+    multipliers = sign * units * getattr(found.multipliers, kind)
+    np.testing.assert_allclose(multipliers, -np.sqrt(0.5), rtol=1e-7)
