@@ -11,12 +11,17 @@
     rho, Delta      weight of the constraints, radius of trust
 
 The programme of a step always has a solution, so that infeasible targets end at the point with the
-least violation. A step that raises the violation is corrected once with the constraints at its end
-(second-order correction). Unknowns, objective and constraints are scaled (`_scaling.py`). The loop
-is that of `_drive.py`: the state contains the step pending evaluation. Files:
-`_sqp_state.py`, `_sqp_measures.py`, `_local_scale.py` (whether a search has converged).
+least violation. Along curved constraints a good step may raise phi, because the violation grows
+with the square of its length (the Maratos effect). A step that raises the violation is therefore
+compared with the largest phi of the last few accepted points (a nonmonotone test); if it fails that
+too, it is corrected once with the constraints at its end (second-order correction). Unknowns,
+objective and constraints are scaled (`_scaling.py`). The loop is that of `_drive.py`: the state
+contains the step pending evaluation. Files: `_sqp_state.py`, `_sqp_measures.py`,
+`_local_scale.py` (whether a search has converged).
 
-Source: Fletcher, Practical Methods of Optimization, 12.4 (S l1 QP), 14.4; Powell 1978 (damping).
+Source: Fletcher, Practical Methods of Optimization, 12.4 (S l1 QP), 14.4; Powell 1978 (damping);
+Nocedal and Wright, 15.5, 18.3 (Maratos effect); Panier and Tits, SIAM J. Numer. Anal. 28 (1991),
+1183 (nonmonotone test).
 """
 
 import functools
@@ -34,7 +39,7 @@ from ._infeasibility import ROUNDINGS
 from ._local_scale import MOST_JUDGEMENTS, Judged, local_sizes
 from ._quadratic import Programme, solve_programme
 from ._scaling import weights
-from ._sqp_measures import damped_bfgs, gradient, penalty, scaled, violation
+from ._sqp_measures import damped_bfgs, gradient, only, penalty, remembered, scaled, violation
 from ._sqp_state import Evaluation, Limits, Pending, SqpState, Values, met, probes_of, stalled
 
 # The largest weight: a violation that no step reduces then is final.
@@ -95,6 +100,7 @@ def _started(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
     unclear = checked & (s.level < MOST_LEVELS) & varies(weight * s.probed, probed, claimed, s.x)
     wrong = jnp.where(checked & ~unclear, wrong, 0.0)
     s = s._replace(at=at, weight=weight, violation=violation(at))
+    s = s._replace(past=only(s, limits))
     return s._replace(wrong=wrong, worst=worst, unclear=unclear)
 
 
@@ -142,6 +148,7 @@ def _rescaled(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
         judgements=s.judgements + 1,
         violation=violation(grown),
     )
+    moved = moved._replace(past=only(moved, limits))
     s = jax.tree.map(functools.partial(jnp.where, jnp.any(factor > 1.0)), moved, s)
     return s._replace(judged=~again, displaced=jnp.asarray(False))
 
@@ -201,7 +208,9 @@ class Comparison(NamedTuple):
     """The end of a pending step compared with the prediction of its programme.
 
     - `at`: values and derivatives at the end; `c`, `d`: constraints of the model there.
-    - `ratio`: the decrease of phi over that of the model; -1 without a finite step.
+    - `ratio`: the decrease of phi over that of the model, -1 without a finite step; for a
+      step that raises the violation also from the largest phi of `past`, then at most 0.5.
+    - `raised`: whether the constraints are violated more than in the model.
     - `predicted`, `noise`: decrease of the model, and its rounding.
     - `finite`: whether the end and the programme are."""
 
@@ -209,6 +218,7 @@ class Comparison(NamedTuple):
     c: Float[Array, " equal"]
     d: Float[Array, " inequal"]
     ratio: Scalar
+    raised: Flag
     predicted: Scalar
     noise: Scalar
     finite: Flag
@@ -230,16 +240,29 @@ def _compared(s: SqpState, evaluation: Evaluation) -> Comparison:
     noise = 10.0 * jnp.finfo(p.dtype).eps * rounded
     finite = trial.sound() & jnp.isfinite(after) & s.pending.solved
     gained = (before - after + noise) / (jnp.maximum(predicted, 0.0) + noise)
-    return Comparison(trial, c, d, jnp.where(finite, gained, -1.0), predicted, noise, finite)
+    raised = penalty(trial.c, trial.d) > penalty(c, d) + noise
+    # The next step removes most of the violation that a step along curved constraints leaves.
+    highest = jnp.max(s.past[:, 0] + s.rho * s.past[:, 1])
+    below = (highest - after + noise) / (jnp.maximum(predicted, 0.0) + noise)
+    # At most 0.5, so that such a step does not enlarge the radius.
+    gained = jnp.where(raised, jnp.maximum(gained, jnp.minimum(below, 0.5)), gained)
+    gained = jnp.where(finite, gained, -1.0)
+    return Comparison(trial, c, d, gained, raised, predicted, noise, finite)
 
 
-def _is_taken(s: SqpState, end: Comparison, limits: Limits) -> Flag:
-    """Whether the pending step is accepted."""
-    # A step whose predicted gain is rounding is accepted only if it reduces the gradient.
+def _is_taken(s: SqpState, end: Comparison, limits: Limits) -> tuple[Flag, Flag]:
+    """Whether the pending step is accepted, and whether it leads nearer to the minimum."""
     # With the multipliers of the step, with which its gradient has to vanish.
     ahead = s._replace(x=s.trial, at=end.at, y=s.pending.y, nu=s.pending.nu)
-    falls = (end.predicted > end.noise) | (gradient(ahead, limits) < s.gradient)
-    return (end.ratio > 1e-4) & falls
+    slope = gradient(ahead, limits)
+    # A step whose predicted gain is rounding is accepted only if it reduces the gradient. Along
+    # curved constraints it need not do so at each step.
+    most, least = s.gradient, s.gradient
+    if s.y.size + s.nu.size:
+        most, least = jnp.max(s.past[:, 2]), jnp.min(s.past[:, 2])
+    gains = end.predicted > end.noise
+    take = (end.ratio > 1e-4) & (gains | (slope < most))
+    return take, gains | (take & (slope < least))
 
 
 def _next_radius(s: SqpState, ratio: Scalar, take: Flag, curved: Flag) -> Scalar:
@@ -261,11 +284,10 @@ def _stepped(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
     """Accept the pending step, correct it, or reject it and reduce the trust radius."""
     p, y, nu, _ = s.pending
     end = _compared(s, evaluation)
-    take = _is_taken(s, end, limits)
+    take, nearer = _is_taken(s, end, limits)
     modelled = penalty(end.c, end.d)
     # A correction is tried once where the constraints, and not the objective, reject the step.
-    raised = penalty(end.at.c, end.at.d) > modelled + end.noise
-    curved = end.finite & ~take & ~s.corrected & raised
+    curved = end.finite & ~take & ~s.corrected & end.raised
     rho, hopeless = _weighted(s, modelled, take)
     keep = lambda new, old: jnp.where(take, new, old)  # noqa: E731
     shift = (end.at.c - end.c, end.at.d - end.d)
@@ -281,9 +303,10 @@ def _stepped(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
         shift=jax.tree.map(lambda x: jnp.where(curved, x, 0.0), shift),
         corrected=curved,
         hopeless=hopeless,
-        still=jnp.where(take | (end.predicted > end.noise), 0, s.still + 1),
+        still=jnp.where(nearer, 0, s.still + 1),
     )
     moved = moved._replace(gradient=gradient(moved, limits), violation=violation(moved.at))
+    moved = moved._replace(past=keep(remembered(s, moved, limits), s.past))
     return _counted(moved, end.at.sound(), evaluation.report)
 
 
@@ -307,8 +330,10 @@ def _weighted(s: SqpState, modelled: Scalar, take: Flag) -> tuple[Scalar, Flag]:
     far = penalty(s.at.c, s.at.d)
     # A corrected model has other constraints than those at x.
     present = (far > ROUNDINGS * jnp.finfo(p.dtype).eps) & ~s.corrected & solved
-    # Where even the model leaves half of the violation, the objective still outweighs it.
-    stuck = (modelled > 0.5 * far) & present
+    # Where even the model leaves half of the violation, the objective still outweighs it, unless it
+    # is within the accuracy of the programme, whose slopes are as large as the weight.
+    accurate = far > 1e3 * (1.0 + s.rho) * jnp.finfo(p.dtype).eps
+    stuck = (modelled > 0.5 * far) & present & accurate
     # A short step reduces little where a long one would reduce much.
     least = 1e-6 * far * jnp.minimum(s.radius, 1.0)
     hopeless = (far - modelled < least) & present & (s.rho >= MOST_WEIGHT)

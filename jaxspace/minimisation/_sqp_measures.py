@@ -59,17 +59,32 @@ def penalty(c: Array, d: Array) -> Float[Array, ""]:
     return jnp.sum(jnp.abs(c)) + jnp.sum(jnp.maximum(-d, 0.0))
 
 
+def remembered(s: SqpState, ahead: SqpState, limits: Limits) -> Float[Array, "places 3"]:
+    """`s.past` with the point of `ahead` in place of the oldest one."""
+    return jnp.roll(s.past, 1, axis=0).at[0].set(_row(ahead, limits))
+
+
+def only(s: SqpState, limits: Limits) -> Float[Array, "places 3"]:
+    """`s.past` at the start of a search, or after a change of weights: the point of `s` alone."""
+    return jnp.broadcast_to(_row(s, limits), s.past.shape)
+
+
+def _row(s: SqpState, limits: Limits) -> Float[Array, " 3"]:
+    return jnp.stack([s.at.f, penalty(s.at.c, s.at.d), gradient(s, limits)])
+
+
 def damped_bfgs(s: SqpState, trial: Values, p: Array, y: Array, nu: Array) -> Array:
     """The BFGS curvature after a step p, damped so that it stays positive definite (Powell)."""
     change = slope(trial, y, nu) - slope(s.at, y, nu)
-    B = s.B
-    curvature = p @ B @ p
     along = p @ change
-    # The first step sets the size of the curvature.
-    fresh = (s.calls == 1) & (along > 0.0)
-    scale = jnp.where(fresh, (change @ change) / jnp.where(fresh, along, 1.0), 1.0)
-    B = jnp.where(fresh, jnp.clip(scale, 1e-4, 1e4) * B, B)
-    curvature = jnp.where(fresh, p @ B @ p, curvature)
+    B = s.B
+    if not y.size + nu.size:
+        # The first step sets the size of the curvature. Under constraints it does not, because the
+        # first multipliers are far from those at the minimum.
+        fresh = (s.calls == 1) & (along > 0.0)
+        scale = jnp.where(fresh, (change @ change) / jnp.where(fresh, along, 1.0), 1.0)
+        B = jnp.where(fresh, jnp.clip(scale, 1e-4, 1e4), 1.0) * B
+    curvature = p @ B @ p
     # Powell's numbers: where the new curvature along p is below a fifth of the old one, the two are
     # mixed, so that B stays positive definite.
     low = along < 0.2 * curvature

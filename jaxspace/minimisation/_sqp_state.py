@@ -11,6 +11,8 @@ from ._gradient_check import GRADIENT_TOLERANCE, PROBES, Probes, probes
 # Steps without a gain beyond rounding after which a search ends, and the largest gradient at which
 # it is then at its minimum, in square roots of a rounding.
 MOST_STILL, NEAR_ROUNDING = 6, 60.0
+# Number of accepted points that are remembered.
+MOST_PAST = 4
 
 
 class Values(NamedTuple):
@@ -49,7 +51,9 @@ class SqpState(NamedTuple):
 
     - `y`, `nu`: multipliers of c and d.
     - `shift`: second-order correction of (c, d).
-    - `still`: refused steps in sequence whose predicted gain is rounding.
+    - `still`: steps in sequence whose predicted gain is rounding, and which do not reduce the
+      gradient.
+    - `past`: objective, penalty and gradient at the last accepted points, the latest first.
     - `weight`, `size`: scales of (f, c, d) and of the unknowns.
     - `rows`: history.
     - `start`: unknowns at the start; `judged`: whether the convergence is confirmed by the scales
@@ -74,6 +78,7 @@ class SqpState(NamedTuple):
     corrected: Bool[Array, ""]
     hopeless: Bool[Array, ""]
     still: Int[Array, ""]
+    past: Float[Array, "places 3"]
     gradient: Float[Array, ""]
     violation: Float[Array, ""]
     taken: Int[Array, ""]
@@ -154,8 +159,8 @@ def begin(
     probed = probes_of(x, limits)
     return SqpState(
         x, at, jnp.eye(n, dtype=x.dtype), zeros(me), zeros(mi), 10.0 * one, one,
-        (zeros(me), zeros(mi)), no, no, jnp.asarray(0), jnp.inf * one, jnp.inf * one,
-        jnp.asarray(0), jnp.full((max_steps, 3), jnp.nan, x.dtype),
+        (zeros(me), zeros(mi)), no, no, jnp.asarray(0), zeros((MOST_PAST, 3)),
+        jnp.inf * one, jnp.inf * one, jnp.asarray(0), jnp.full((max_steps, 3), jnp.nan, x.dtype),
         x + probed.shares[0] * probed.direction if check else x,
         Pending(zeros(n), zeros(me), zeros(mi), no), jnp.ones(rows, x.dtype),
         x, no, no, jnp.asarray(0), calls,

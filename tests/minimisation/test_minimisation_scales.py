@@ -119,6 +119,29 @@ def test_least_time_steering_from_several_starts():
         np.testing.assert_allclose(found.x["time"], 100.0 * reference.x[-1], rtol=1e-10)
 
 
+def test_few_steps_along_curved_constraints_are_refused():
+    """Full steps along the curved constraints of the steering raise the exact penalty (Maratos):
+    they are accepted nevertheless, because the next step removes the violation. Refused steps
+    repeat the row before. SLSQP of SciPy takes 49 steps on average to a larger gradient."""
+    starts = np.random.default_rng(0).uniform(-1.0, 1.4, (8, NODES))
+
+    @jax.jit
+    @jax.vmap
+    def searched(angles):
+        unit = jnp.array([SPEED, SPEED, HEIGHT])
+        start = {"angles": angles, "time": jnp.asarray(200.0)}
+        found = minimise(
+            lambda x: Criterion(x["time"], unit * missed(x["angles"], x["time"])), start
+        )
+        return found.converged, found.steps, found.history[:, :2]
+
+    converged, steps, rows = jax.tree.map(np.asarray, searched(jnp.asarray(starts)))
+    assert np.all(converged)
+    refused = np.sum(np.all(rows[:, 1:] == rows[:, :-1], axis=2))
+    assert refused < 0.1 * np.sum(steps)
+    assert np.mean(steps) < 80.0
+
+
 @pytest.mark.parametrize("start", [(0.0, 0.0), (1e-6, 1e-6), (2.0, -1.0)], ids=str)
 @pytest.mark.parametrize("kind", ["equal_zero", "non_negative"])
 def test_constraints_of_any_steepness(kind, start):
