@@ -52,7 +52,7 @@ MOST_WEIGHT = 1e6
 
 def evaluate(s: DescentState, setting: Setting) -> Evaluation:
     """Values and derivatives at `s.trial`."""
-    jacobian, (values, report) = setting.derivatives(_trial_point(s, setting))
+    jacobian, (values, report) = setting.scaled.derivatives(_trial_point(s, setting), setting.ratio)
     return Evaluation(values, jacobian, report)
 
 
@@ -61,6 +61,11 @@ def _trial_point(s: DescentState, setting: Setting) -> Float[Array, " n"]:
     # Probes of the gradient and of the curvature are points of the problem itself, other trials are
     # unconstrained variables.
     return jnp.where((s.calls < 0) | (s.displaced == 1), s.trial, z)
+
+
+def evaluated_step(s: DescentState, setting: Setting) -> DescentState:
+    """The state after the evaluation at `s.trial`, and after the step that follows from it."""
+    return advance(s, evaluate(s, setting), setting)
 
 
 def advance(s: DescentState, found: Evaluation, setting: Setting) -> DescentState:
@@ -253,7 +258,8 @@ def _stepped(s: DescentState, setting: Setting) -> DescentState:
     state = setting.stepper.restarted(s.optimiser, s.q, restart)
 
     def function(q: Float[Array, " n"]) -> Array:
-        f, c, d = _numbers(s.weight * setting.values(setting.point(q)), setting.me)
+        values = setting.scaled.values(setting.point(q), setting.ratio)
+        f, c, d = _numbers(s.weight * values, setting.me)
         value = s.multipliers.lagrangian(f, c, d)
         # A line search turns back where the function is infinite, and not where it is none.
         return jnp.where(jnp.isnan(value), jnp.inf, value)
@@ -262,8 +268,8 @@ def _stepped(s: DescentState, setting: Setting) -> DescentState:
     g = slope(at, now.y, now.nu)
     if setting.constrained:
         g = s.multipliers.share * g
-    if setting.inside is not None:
-        g = g * jax.jvp(setting.inside, (s.q,), (jnp.ones_like(s.q),))[1]
+    if setting.free is not None:
+        g = g * jax.jvp(setting.free.inside, (s.q,), (jnp.ones_like(s.q),))[1]
     value = s.multipliers.lagrangian(at.f, at.c, at.d)
     step, after = setting.stepper.step(s.q, g, value, function, state)
     sound = jnp.all(jnp.isfinite(step))

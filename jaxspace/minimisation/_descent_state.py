@@ -1,14 +1,15 @@
 """State of a search by an optimiser of optax (`_descent.py`): its fields, its start and its end."""
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from ._free_numbers import FreeNumbers
 from ._gradient_check import GRADIENT_TOLERANCE, PROBES
 from ._lagrangian import FIRST_WEIGHT, Multipliers
 from ._result import End
+from ._scaling import ScaledProblem
 from ._sqp_state import Limits, Values, probes_of
 from .optimiser import Stepper
 
@@ -106,24 +107,30 @@ class DescentState(NamedTuple):
 class Setting(NamedTuple):
     """The constants of a search.
 
-    - `derivatives`: of the stacked values f, c, d in z, together with the values and the report;
-      `values`: the values only, whose derivative is the former.
-    - `inside`: z of unconstrained variables, or `None` without bounds.
-    - `stepper`: the optimiser; `me`: the number of equalities; `constrained`: whether there are
-      constraints; `check`: whether the gradient at the start is probed."""
+    - `scaled`: the problem; `ratio`: see `ScaledProblem.derivatives`.
+    - `free`: the map from unconstrained variables to z, or `None` without bounds.
+    - `stepper`: the optimiser; `check`: whether the gradient at the start is probed."""
 
-    derivatives: Callable[[Array], Any]
-    values: Callable[[Array], Array]
-    inside: Callable[[Array], Array] | None
+    scaled: ScaledProblem
+    ratio: float
+    free: FreeNumbers | None
     stepper: Stepper
     limits: Limits
-    me: int
-    constrained: bool
     check: bool
 
     def point(self, q: Float[Array, " n"]) -> Float[Array, " n"]:
         """The z of unconstrained variables."""
-        return q if self.inside is None else self.inside(q)
+        return q if self.free is None else self.free.inside(q)
+
+    @property
+    def me(self) -> int:
+        """The number of equalities."""
+        return self.scaled.me
+
+    @property
+    def constrained(self) -> bool:
+        """Whether there are constraints."""
+        return self.scaled.me + self.scaled.mi > 0
 
 
 def begin(

@@ -60,6 +60,35 @@ class ScaledProblem(NamedTuple):
         parts = (criterion.objective, criterion.equal_zero, criterion.non_negative)
         return jnp.concatenate([jnp.ravel(x) for x in parts if x is not None]), criterion
 
+    def derivatives(self, z: Array, ratio: float) -> tuple[Array, tuple[Array, Criterion]]:
+        """The Jacobian of f, c and d in z, with their values and the criterion: by forward mode
+        for up to `ratio` unknowns for each number."""
+
+        def numbers(z: Array) -> tuple[Array, tuple[Array, Criterion]]:
+            stacked, criterion = self.numbers(z)
+            return stacked, (stacked, criterion)
+
+        # Forward mode costs a run for each unknown; reverse mode costs several runs for each
+        # number, and compiles for longer.
+        forward = self.start.size <= ratio * (1 + self.me + self.mi)
+        mode = jax.jacfwd if forward else jax.jacrev
+        return mode(numbers, has_aux=True)(z)
+
+    def values(self, z: Array, ratio: float) -> Array:
+        """f, c and d, which a line search differentiates once more: by the mode of
+        `derivatives`."""
+
+        @jax.custom_jvp
+        def values(z: Array) -> Array:
+            return self.numbers(z)[0]
+
+        @values.defjvp
+        def by_jacobian(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+            jacobian, (stacked, _) = self.derivatives(*primals, ratio)
+            return stacked, jacobian @ tangents[0]
+
+        return values(z)
+
 
 def scaled_problem(
     problem: Callable[[Point], Criterion],

@@ -16,7 +16,7 @@ from . import _descent as descent
 from . import _descent_state as descent_state
 from . import _sqp as sqp
 from . import _sqp_state as sqp_state
-from ._criterion import Criterion, Minimum, farthest
+from ._criterion import Minimum, farthest
 from ._drive import Progress, at_once, drive
 from ._free_numbers import free_numbers
 from ._result import End, minimum_of
@@ -89,21 +89,6 @@ def search(
     return eqx.tree_at(places, minimum, (x, held, history))
 
 
-def _derivatives(scaled: ScaledProblem, ratio: float) -> Callable[[Array], PyTree]:
-    """The Jacobian of the stacked numbers in z, together with the numbers and the criterion: in
-    forward mode for up to `ratio` unknowns per number."""
-
-    def numbers(z: Array) -> tuple[Array, tuple[Array, Criterion]]:
-        stacked, criterion = scaled.numbers(z)
-        return stacked, (stacked, criterion)
-
-    # Forward mode costs a run for each unknown; reverse mode costs several runs for each number,
-    # and compiles for longer.
-    forward = scaled.start.size <= ratio * (1 + scaled.me + scaled.mi)
-    mode = jax.jacfwd if forward else jax.jacrev
-    return mode(numbers, has_aux=True)
-
-
 def _by_programmes(
     scaled: ScaledProblem,
     limits: sqp_state.Limits,
@@ -135,7 +120,7 @@ def _by_programmes(
 
 
 def _evaluated(scaled: ScaledProblem, ratio: float, s: sqp_state.SqpState) -> sqp_state.Evaluation:
-    jacobian, (values, criterion) = _derivatives(scaled, ratio)(s.trial)
+    jacobian, (values, criterion) = scaled.derivatives(s.trial, ratio)
     return sqp_state.Evaluation(values, jacobian, criterion)
 
 
@@ -167,62 +152,32 @@ def _by_optax(
     check: bool,
     ratio: float,
 ) -> Method:
-    q0, z0, inside = scaled.start, scaled.start, None
+    q0, z0, free = scaled.start, scaled.start, None
     if scaled.bounded:
         free = free_numbers(scaled.start, scaled.low, scaled.high)
-        q0, z0, inside = free.first(), free.start, free.inside
+        q0, z0 = free.first(), free.start
     stepper = as_stepper(optimiser, q0, scaled.unravel)
-    counts = (scaled.me, scaled.mi)
-    derivatives = _derivatives(scaled, ratio)
-    values, constrained = _values(scaled, derivatives), counts != (0, 0)
-    setting = descent_state.Setting(
-        derivatives, values, inside, stepper, limits, scaled.me, constrained, check
-    )
-    begin = (q0, z0, scaled.size, counts, scaled.blank, max_steps, check, stepper, limits)
-    return Method(
-        at_once(descent_state.begin, *begin),
-        *_steps(setting),
-        lambda s: descent_state.unfinished(s, limits),
-        lambda s: descent_state.end(s, limits),
-    )
-
-
-def _values(
-    scaled: ScaledProblem, derivatives: Callable[[Array], PyTree]
-) -> Callable[[Array], Array]:
-    """The stacked numbers in z, whose derivative is by the mode of `derivatives`: a line search
-    differentiates them once more."""
-
-    @jax.custom_jvp
-    def values(z: Array) -> Array:
-        return scaled.numbers(z)[0]
-
-    @values.defjvp
-    def by_jacobian(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-        jacobian, (stacked, _) = derivatives(*primals)
-        return stacked, jacobian @ tangents[0]
-
-    return values
-
-
-def _steps(
-    setting: descent_state.Setting,
-) -> tuple[
-    Callable[[descent_state.DescentState], PyTree],
-    Callable[[PyTree, PyTree], descent_state.DescentState],
-]:
-    """`evaluate` and `advance` of a search by an optimiser of optax."""
-
-    def evaluate(s: descent_state.DescentState) -> sqp_state.Evaluation:
-        return descent.evaluate(s, setting)
-
-    def advance(s: PyTree, found: sqp_state.Evaluation) -> descent_state.DescentState:
-        return descent.advance(s, found, setting)
-
-    if setting.stepper.restarts:
+    setting = descent_state.Setting(scaled, ratio, free, stepper, limits, check)
+    begin = (q0, z0, scaled.size, (scaled.me, scaled.mi), scaled.blank, max_steps, check)
+    evaluate, advance = descent.evaluate, eqx.Partial(descent.advance, setting=setting)
+    if stepper.restarts:
         # A line search evaluates the problem within its step, which then is one program with it.
-        return lambda s: advance(s, evaluate(s)), lambda s, after: after
-    return evaluate, advance
+        evaluate, advance = descent.evaluated_step, _taken
+    return Method(
+        at_once(descent_state.begin, *begin, stepper, limits),
+        # Trees, as those of `_by_programmes`: another search with an equal optimiser compiles
+        # nothing.
+        eqx.Partial(evaluate, setting=setting),
+        advance,
+        eqx.Partial(descent_state.unfinished, limits=limits),
+        eqx.Partial(descent_state.end, limits=limits),
+    )
+
+
+def _taken(s: descent_state.DescentState, after: descent_state.DescentState) -> PyTree:
+    """The state that `evaluated_step` returned in place of an evaluation."""
+    del s
+    return after
 
 
 def _resumed(before: Minimum, blank: PyTree) -> PyTree:

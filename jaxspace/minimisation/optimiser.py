@@ -3,7 +3,7 @@
 optax is imported where one of its optimisers is used, and not with the package.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import jax
@@ -13,6 +13,8 @@ from jax.tree_util import GetAttrKey, tree_leaves_with_path
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import InputError, Scalar
+from ..core.jit import KEPT
+from ._same_function import content
 
 if TYPE_CHECKING:
     import optax
@@ -31,7 +33,7 @@ OF_THE_FUNCTION = {"diff_params_memory", "value"}
 class Stepper(NamedTuple):
     """An optimiser of optax, as a search uses it.
 
-    - `optimiser`: with extra arguments; `unravel`: converts a flat array to a pytree like the
+    - `optimiser`: that of `kept_optimiser`; `unravel`: converts a flat array to a pytree like the
       unknowns, which is passed to optax, so that it can treat its parts differently.
     - `restarts`: whether its state contains values or curvature of one function, which are invalid
       for the next Lagrangian; moments and step counts continue.
@@ -72,9 +74,13 @@ class Stepper(NamedTuple):
         state: PyTree,
     ) -> tuple[Float[Array, " n"], PyTree]:
         """The update of `q` and the next state; `function` is one of flat numbers."""
+        import optax
+
+        # Here and not before, because it makes another function at each call.
+        optimiser = optax.with_extra_args_support(self.optimiser)
         grad, params = self.unravel(g), self.unravel(q)
         with jax.numpy_dtype_promotion("standard"):
-            updates, after = self.optimiser.update(
+            updates, after = optimiser.update(
                 grad,
                 state,
                 params,
@@ -99,9 +105,7 @@ def as_stepper(
     optimiser: Any, q: Float[Array, " n"], unravel: Callable[[Array], PyTree]
 ) -> Stepper:
     """The `optimiser` of `minimise` for numbers like `q`."""
-    import optax
-
-    made = Stepper(optax.with_extra_args_support(optimiser), unravel, False, False, False)
+    made = Stepper(kept_optimiser(optimiser), unravel, False, False, False)
     state = jax.eval_shape(made.begin, q)
     held = {
         key.name
@@ -114,6 +118,22 @@ def as_stepper(
         plateau="best_value" in held,
         averages=bool(_averages(state)),
     )
+
+
+# By their content, the last used at the end.
+_OPTIMISERS: dict[Hashable, Any] = {}
+
+
+def kept_optimiser(optimiser: Any) -> Any:
+    """The first optimiser of optax with the same settings as this one (`_same_function.py`).
+
+    Each call of `optax.adam` makes new functions, for which JAX would compile new programs."""
+    key = content(optimiser)
+    found = _OPTIMISERS.pop(key, optimiser)
+    _OPTIMISERS[key] = found
+    if len(_OPTIMISERS) > KEPT:
+        del _OPTIMISERS[next(iter(_OPTIMISERS))]
+    return found
 
 
 def check_optimiser(optimiser: object, exact_hessian: bool) -> None:

@@ -1,0 +1,67 @@
+"""Equality of functions by their code and their closures.
+
+The functions of an optimiser of optax are new objects each time the optimiser is made, and JAX
+compiles another program for each new object. Two functions with the same code and equal closures
+can share a program.
+"""
+
+import functools
+import types
+from collections.abc import Hashable
+
+import numpy as np
+
+
+def content(value: object, above: tuple[int, ...] = ()) -> Hashable:
+    """A key that is equal for values with the same content.
+
+    Functions are compared by code, defaults and closures; tuples and partial functions part by
+    part; numbers and texts by type and value. Everything else, such as a list, which may change
+    later, is equal to itself alone: the key refers to it, so that its identity is not reused.
+
+    - `above`: the functions that contain this value."""
+    if isinstance(value, types.FunctionType):
+        if id(value) in above:
+            # A function that calls itself.
+            return ("above", len(above) - above.index(id(value)))
+        inside = (*above, id(value))
+        cells = tuple(_cell(cell, inside) for cell in value.__closure__ or ())
+        named = tuple((value.__kwdefaults__ or {}).items())
+        defaults = content((value.__defaults__, named), inside)
+        return (types.FunctionType, value.__code__, _Same(value.__globals__), defaults, cells)
+    if isinstance(value, functools.partial):
+        return (
+            type(value),
+            content((value.func, value.args, tuple(value.keywords.items())), above),
+        )
+    if isinstance(value, types.MethodType):
+        return (type(value), content((value.__func__, value.__self__), above))
+    if isinstance(value, tuple):
+        return (type(value), tuple(content(x, above) for x in value))
+    if isinstance(value, float | np.floating):
+        # The sign of zero counts, and NaN is the same as NaN.
+        return (type(value), float(value).hex())
+    if value is None or isinstance(value, bool | int | str | bytes | np.dtype | type):
+        return (type(value), value)
+    return _Same(value)
+
+
+def _cell(cell: types.CellType, above: tuple[int, ...]) -> Hashable:
+    try:
+        return content(cell.cell_contents, above)
+    except ValueError:
+        # Not assigned yet.
+        return ("empty",)
+
+
+class _Same:
+    """An object, compared by identity."""
+
+    def __init__(self, value: object):
+        self.value = value
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.value is self.value
+
+    def __hash__(self) -> int:
+        return id(self.value)
