@@ -1,0 +1,148 @@
+"""Verbs that are called again with other numbers compile nothing, and take no more memory maps.
+
+A loop of a script calls a verb with new objects of the same structure. Each compiled program takes
+memory and memory maps, of which a process may have 65,530 on Linux.
+"""
+
+from pathlib import Path
+from typing import final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optax
+import pytest
+
+from jaxspace import BodyState, Mission, Phase, Scene, simulate, simulate_batch, simulate_mission
+from jaxspace.bodies import RigidBody
+from jaxspace.control import ClosedLoop, CommandedTorque
+from jaxspace.control.attitude_laws import QuaternionFeedback
+from jaxspace.core import AbstractSystem, Scalar, quantity
+from jaxspace.dispersion import Campaign, Normal, Uniform, disperse
+from jaxspace.estimation import fit
+from jaxspace.minimisation import Criterion, minimise
+from jaxspace.robust import optimise_design
+from jaxspace.robust.statistics import Mean
+from jaxspace.rotations import Quaternion
+from jaxspace.studies import sensitivity
+
+PROGRAMS = []
+
+
+def _listen(event: str, duration_secs: float, **kwargs: str | int) -> None:
+    del duration_secs, kwargs
+    if event == "/jax/core/compile/backend_compile_duration":
+        PROGRAMS.append(event)
+
+
+jax.monitoring.register_event_duration_secs_listener(_listen)
+
+
+class Swing(eqx.Module):
+    x: Scalar
+    v: Scalar
+
+
+@final
+class Oscillator(AbstractSystem):
+    """x'' = -w^2 x"""
+
+    w: Scalar = quantity("rad/s", doc="angular frequency")
+
+    def vector_field(self, t, y):
+        return Swing(y.v, -self.w * self.w * y.x)
+
+    def invariants(self, t, y):
+        return {}
+
+
+TS = jnp.linspace(0.0, 1.0, 5)
+CAMPAIGN = Campaign(
+    lambda samples: (
+        Mission([Phase(Oscillator(samples["w"]), 1.0)]),
+        Swing(samples["start"], jnp.zeros(())),
+    ),
+    {"w": Normal(jnp.asarray(2.0), jnp.asarray(0.1)), "start": Uniform(0.9, 1.1)},
+    lambda result, samples: {"x": result.final.x},
+    {"x": "m", "start": "m", "w": "rad/s"},
+)
+FREE = Scene([CommandedTorque()], RigidBody(inertia=[3.0, 3.0, 5.0]))
+LBFGS = optax.lbfgs()
+
+
+def system(k):
+    return Oscillator(jnp.asarray(1.0 + 0.1 * k)), Swing(jnp.asarray(1.0 + k), jnp.asarray(0.1 * k))
+
+
+def batch(k):
+    w = jnp.linspace(1.0, 2.0, 4) + 0.1 * k
+    return Oscillator(w), Swing(w + 1.0, w)
+
+
+def line(p):
+    return p["rate"] * TS + p["bias"]
+
+
+def valley(x):
+    return Criterion(jnp.sum((x - 1.0) ** 2) + jnp.sum(x**4), x[0] - x[1], 2.0 - x[2])
+
+
+def point(k):
+    return jnp.array([0.1, 0.2, 0.3]) + 0.01 * k
+
+
+def design(x):
+    """A campaign about the frequency x."""
+    return Campaign(
+        lambda samples: (
+            Mission([Phase(Oscillator(x + samples["w"]), 1.0)]),
+            Swing(jnp.ones(()), jnp.zeros(())),
+        ),
+        {"w": Normal(jnp.asarray(0.0), jnp.asarray(0.1))},
+        lambda result, samples: {"x": result.final.x},
+    )
+
+
+def loop(k):
+    controller = QuaternionFeedback(0.5 + 0.1 * k, 1.0 + 0.1 * k)
+    y0 = BodyState(attitude=Quaternion.about(2, jnp.array(0.1 + 0.1 * k)), omega=jnp.zeros(3))
+    return ClosedLoop(FREE, controller, period=0.1).simulate(y0, TS, accuracy=1e-6)
+
+
+CALLS = {
+    "simulate": lambda k: simulate(*system(k), TS + k, accuracy=1e-6).final,
+    "simulate_batch": lambda k: simulate_batch(*batch(k), TS + k, accuracy=1e-6).final,
+    "simulate_mission": lambda k: (
+        simulate_mission(Mission([Phase(system(k)[0], 1.0 + k)]), system(k)[1]).final
+    ),
+    "sensitivity": lambda k: sensitivity(*system(k), TS + k)[0].final,
+    "minimise": lambda k: minimise(valley, point(k), bounds=(-1.0 - k, 5.0 + k)).x,
+    "minimise by optax": lambda k: minimise(valley, point(k), optimiser=LBFGS, max_steps=9).x,
+    "minimise by new optax": lambda k: (
+        minimise(valley, point(k), optimiser=optax.adam(0.1), max_steps=9).x
+    ),
+    "ClosedLoop.simulate": lambda k: loop(k).states.omega,
+    "disperse": lambda k: disperse(CAMPAIGN, 64, seed=k).outputs["x"],
+    "fit": lambda k: (
+        fit(line, 2.0 * TS - 0.3 * k, {"bias": jnp.array(0.0), "rate": jnp.array(1.0)}).parameters
+    ),
+    "optimise_design": lambda k: (
+        optimise_design(design, jnp.asarray(0.9 + 0.01 * k), minimise=Mean("x"), runs=64).x
+    ),
+}
+
+
+def memory_maps():
+    regions = Path("/proc/self/maps")
+    return regions.read_bytes().count(b"\n") if regions.exists() else 0
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_other_numbers_compile_nothing(name):
+    jax.block_until_ready(CALLS[name](0))
+    programs, maps = len(PROGRAMS), memory_maps()
+    for k in range(1, 4):
+        jax.block_until_ready(CALLS[name](k))
+    assert len(PROGRAMS) == programs
+    # A new region of the heap is no program.
+    assert memory_maps() <= maps + 20
