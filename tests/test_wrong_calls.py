@@ -414,7 +414,7 @@ def test_mapped_runs_are_one_run_each():
             lambda: simulate(
                 FREE, BodyState(attitude=Quaternion(jnp.zeros(4)), omega=jnp.ones(3)), SPAN
             ),
-            r"Quaternion.wxyz is \[0. 0. 0. 0.\]: it must be of another length than zero",
+            r"Quaternion.wxyz is \[0. 0. 0. 0.\]: it must be of non-zero length",
         ),
         (
             lambda: simulate(KEPLER, BodyState(Y.position, Y.velocity, mass=jnp.array(-1.0)), SPAN),

@@ -119,7 +119,7 @@ class UserClass(AbstractParameters):
         ),
         (
             lambda: ReactionWheels(np.zeros((3, 2)), [1.0, 1.0], [0.0, 0.0]),
-            "ReactionWheels.axes is .*: it must be of another length than zero",
+            "ReactionWheels.axes is .*: it must be of non-zero length",
         ),
         (
             lambda: ReactionWheels(np.eye(3), [1.0, 1.0], [0.0, 0.0, 0.0]),
@@ -129,7 +129,7 @@ class UserClass(AbstractParameters):
             lambda: FinSet(2.5, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),
             "FinSet.count is 2.5: it must be a whole number from 2 to 8",
         ),
-        (lambda: Rail([0.0, 0.0, 0.0], 5.0), "Rail.direction is .*another length than zero"),
+        (lambda: Rail([0.0, 0.0, 0.0], 5.0), "Rail.direction is .*non-zero length"),
         (lambda: Separation("x"), "Separation.dropped is 'x': it must be a number in kg"),
         (lambda: Phase(COAST.system, 1.0, name=5), "Phase.name is 5: it must be a text"),
         (lambda: Phase("x", 1.0), "Phase.system is 'x': it must be an AbstractSystem"),

@@ -537,7 +537,7 @@ def test_budget_prints_a_table_and_what_may_go(tmp_path, capsys):
         "oblateness     coast",
         "influence [m]",
         "share",
-        "within 10000 m: keep point_gravity; leave out oblateness",
+        "within 10000 m: keep point_gravity; omit oblateness",
     ):
         assert word in printed
     assert (tmp_path / "a" / "coast_budget.png").exists() and "coast_budget.png" in printed

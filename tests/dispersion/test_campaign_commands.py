@@ -178,7 +178,7 @@ def test_replay_flies_one_run_again(store, tmp_path, capsys, monkeypatch):
     assert main(["replay", str(store), "--run", str(refused)]) == 2
     told = capsys.readouterr().err
     value = f"{kept.inputs['initial.orbit.eccentricity'][refused]:.6g}"
-    assert f"Run {refused} is refused: initial.orbit.eccentricity is {value}: it must be" in told
+    assert f"Run {refused} is rejected: initial.orbit.eccentricity is {value}: it must be" in told
 
 
 def test_states_at_chosen_times(tmp_path, capsys):

@@ -110,7 +110,7 @@ def end(mu, max_steps, dense=False):
 
 
 def test_a_record_without_room_is_refused_before_it_is_compiled(monkeypatch, fresh_programs):
-    sentence = "Accuracy.max_steps is {}: .* would take {} GB of memory; .* at most {}"
+    sentence = "Accuracy.max_steps is {}: .* would require {} GB of memory; .* at most {}"
     # Half of the memory for the ends of the steps, of 8 bytes each, or for seven numbers of each.
     monkeypatch.setattr(_record, "memory", lambda: 16e9)
     with pytest.raises(InputError, match=sentence.format(10**12, 8000, 10**9)):
@@ -122,7 +122,7 @@ def test_a_record_without_room_is_refused_before_it_is_compiled(monkeypatch, fre
     # What is asked for is the memory of this machine.
     monkeypatch.undo()
     assert 2**28 < _record.memory() < 2**60
-    with pytest.raises(InputError, match="would take 8000000 GB"):
+    with pytest.raises(InputError, match="would require 8000000 GB"):
         jax.eval_shape(jax.grad(lambda mu: end(mu, 10**15).position[1]), 1.0)
     # The value keeps no record.
     run = jax.eval_shape(lambda mu: end(mu, 10**15), 1.0)

@@ -724,7 +724,7 @@ COMPARING = """  { output = "speed_error", at = "burn" },
         ("eccentricity = { deviation = 0.01 }", ["50 % of the runs", "zero or positive"]),
         (
             'inclination = { distribution = "uniform", low = "30 deg", high = "31 deg" }',
-            ["lies from 30 to 31 deg, without the nominal value 28.5."],
+            ["ranges from 30 to 31 deg, without the nominal value 28.5."],
         ),
     ],
 )

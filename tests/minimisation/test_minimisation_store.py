@@ -128,5 +128,5 @@ def test_the_search_of_the_nominal_run_has_its_own_store(tmp_path):
     whole = search(True)
     again = search(True, resume=True, progress=lambda *row: steps.append(row))
     assert bits(again) == bits(whole) and not steps
-    with pytest.raises(InputError, match="which is that of another search"):
+    with pytest.raises(InputError, match="which belongs to another search"):
         search(False, resume=True)

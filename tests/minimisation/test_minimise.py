@@ -112,7 +112,7 @@ def test_a_wrong_gradient_is_refused():
         ).gradient_error
 
     start = jnp.array([1.0, -2.0, 0.3])
-    with pytest.raises(InputError, match=r"by 0.09 of it, .*core.Table or Spline"):
+    with pytest.raises(InputError, match=r"by a relative 0.09, .*core.Table or Spline"):
         descend(start)
     np.testing.assert_allclose(jax.jit(descend)(start), 1.0 / 11.0, rtol=1e-8)
     assert descend(start, check=False) == 0.0

@@ -367,7 +367,10 @@ def test_fixed_steps_fly_all_parts():
 @pytest.mark.parametrize(
     ("wrong", "sentence"),
     [
-        (lambda: Phase(FALLING, 1.0, branches=[Phase(FALLING, 1.0)]), "branches holds a Phase"),
+        (
+            lambda: Phase(FALLING, 1.0, branches=[Phase(FALLING, 1.0)]),
+            "branches contains an object of type Phase",
+        ),
         (lambda: Mission([Phase(FALLING, 1.0)], start=3.0), "Mission.start is 3.0: it must be a"),
         (
             lambda: Mission([Phase(FALLING, 1.0, name="a", branches=[named("a")])]),

@@ -102,7 +102,7 @@ def test_a_batch_says_how_its_runs_ended_and_their_ranges():
     batch = simulate_batch(TwoBody(1.0), spoiled, jnp.array([0.0, 1.0]))
     text = repr(batch)
     assert text.startswith("Trajectory of TwoBody, 3 runs\n")
-    assert "2 of 3 runs ended well: 2 COMPLETED, 1 NOT_FINITE" in text
+    assert "2 of 3 runs succeeded: 2 COMPLETED, 1 NOT_FINITE" in text
     assert f"Run 1: {Status.NOT_FINITE.sentence}" in text
     ends = np.asarray(batch.final.position)[:, [0, 2]]
     for bound in (ends.min(axis=1), ends.max(axis=1)):

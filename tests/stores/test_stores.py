@@ -468,7 +468,7 @@ def test_arrays_of_another_type_are_another_campaign(store):
         root["consolidated_metadata"]["metadata"]["b"]["data_type"] = "float16"
 
     head_of(store, halved)
-    with pytest.raises(StoreError, match="its array 'b' is another one"):
+    with pytest.raises(StoreError, match="its array 'b' differs"):
         complete(store, resume=True)
 
 

@@ -320,9 +320,9 @@ def test_the_table_is_plain_and_frozen():
 BAD_COST = [
     ({"tolerances": ()}, "tolerances is empty"),
     ({"tolerances": (-1e-6,)}, "tolerances is -1e-06: it must be positive"),
-    ({"tolerances": (1e-17,)}, "tolerances holds 1e-17: it must be at least"),
+    ({"tolerances": (1e-17,)}, "tolerances contains 1e-17: it must be at least"),
     ({"methods": ["euler"]}, "methods contains 'euler': it must contain solvers"),
-    ({"methods": [diffrax.Euler()]}, "methods holds Euler.*an error estimate"),
+    ({"methods": [diffrax.Euler()]}, "methods contains Euler.*an error estimate"),
     ({"methods": ["closed_form"]}, "Scene has none"),
     (
         {"precisions": ["float16"]},
@@ -428,7 +428,7 @@ def test_the_smallest_set_in_a_scene_that_is_solved_by_hand():
     # Together the two weak ones move it by 0.6 m: the weakest goes alone.
     assert found.dropped == ("Custom 3",) and found.kept == ("Custom", "Custom 2")
     assert found.change == pytest.approx(0.1) and found.seconds > 0.0 and found.seconds_kept > 0.0
-    assert "within 0.55 m: keep Custom, Custom 2; leave out Custom 3" in str(found)
+    assert "within 0.55 m: keep Custom, Custom 2; omit Custom 3" in str(found)
     none = effect_budget(scene, y0, ts, tolerance=0.01, accuracy=QUICK, repeats=1)
     assert none.dropped == () and none.change is None and "every effect is needed" in str(none)
     speed = effect_budget(scene, y0, ts, output="velocity", accuracy=QUICK)
