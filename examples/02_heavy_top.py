@@ -42,7 +42,7 @@ print(
     {name: f"{jnp.max(values):.0e}" for name, values in run.drift().items()},
 )
 
-# With the initial rate of steady precession there is no nutation.
+# The initial rate of steady precession gives a motion without nutation.
 ts = jnp.linspace(0.0, 10.0, 201)
 slow, fast = top.steady_precession_rates(tilt, spin)
 print(

@@ -63,8 +63,7 @@ guess = {"B": jnp.array(100.0), "a": jnp.asarray(orbit_of(revolutions[0]))}
 found = fit(readings, jnp.asarray(revolutions), guess, noise=2e-5)
 print(found)
 
-# Decay to 120 km, from where re-entry takes less than an hour; and the influence of the error
-# of B.
+# Decay to 120 km, an hour before re-entry at most; and the influence of the error of B.
 down = Event(lambda t, y: y["a"] - 1e-3 * (MEAN_RADIUS + 120e3), direction=-1)
 p = found.parameters
 run, change = sensitivity(
@@ -76,6 +75,5 @@ slope = change.times[:, -1] / DAY
 spread = float(jnp.sqrt(slope @ found.covariance @ slope))
 print(f"re-entry on day {end:.1f} +- {spread:.1f} by the elements alone; it was day 92.0")
 print(f"one percent of drag moves it by {float(slope[0] * p['B']) / 100.0:.2f} days")
-# The standard atmosphere is for mean solar activity: in the minimum of 2018 re-entry was
-# earlier.
+# Standard air is for mean solar activity; in the minimum of 2018 re-entry was earlier.
 assert found.converged and 92.0 < end < 125.0

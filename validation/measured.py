@@ -15,11 +15,12 @@ Comparisons with published results from measurements. The examples
 EXAMPLES = Path(__file__).parents[1] / "examples"
 VALLADO = "Vallado, *Fundamentals of Astrodynamics*, example 10-4"
 DECAYED = (
-    "the elements of three weeks give the drag of those weeks, and the standard air is that of "
-    "mean solar activity. In the minimum of 2018 the upper air was thinner against the air below "
-    "than the standard says, so that the drag grew faster on the way down, and the station came "
-    "down earlier. The spread shown is that of the elements alone: a model of the air that takes "
-    "the solar flux, which is no part of this library, is what the row lacks."
+    "the elements of three weeks determine the drag of those weeks, and the standard atmosphere "
+    "is for mean solar activity. In the minimum of 2018 the density of the upper atmosphere "
+    "decreased more rapidly with altitude than in the standard, so the drag increased faster "
+    "during the decay, and re-entry was earlier. The stated spread is that of the elements "
+    "only; a density model that includes the solar flux, which this library does not contain, "
+    "would be required."
 )
 
 
