@@ -101,10 +101,14 @@ def _fresh(steps: np.ndarray) -> np.ndarray:
 
     Its elements are int_0^s u^k exp(-2 u) du, k = 0, 1, 2: as the stationary covariance less what
     is left of it, those of a small step would be rounding."""
-    from scipy.special import gammainc
-
     first = -0.5 * np.expm1(-2.0 * steps)
-    mixed, second = 0.25 * gammainc(2, 2.0 * steps), 0.25 * gammainc(3, 2.0 * steps)
+    # By Gauss's rule, exact to rounding over a short step: a sum of positive numbers.
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    u = 0.5 * np.minimum(steps, 1.0)[:, None] * (nodes + 1.0)
+    mixed, second = (0.5 * steps * np.sum(weights * u**k * np.exp(-2.0 * u), 1) for k in (1, 2))
+    gone = np.exp(-2.0 * steps)
+    mixed = np.where(steps < 1.0, mixed, 0.25 - (0.25 + 0.5 * steps) * gone)
+    second = np.where(steps < 1.0, second, 0.25 - (0.25 + 0.5 * steps * (1.0 + steps)) * gone)
     # Two nodes at one place add nothing.
     slope = mixed / np.where(first > 0.0, first, 1.0)
     root = np.sqrt(first)
