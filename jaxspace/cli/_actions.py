@@ -50,7 +50,7 @@ def resume(given: argparse.Namespace) -> int:
     from . import _campaigns
 
     settle()
-    return _campaigns.resume(given.file, given.engine, given.modules)
+    return _campaigns.resume(given.file, given.engine, given.modules, given.runs)
 
 
 def replay(given: argparse.Namespace) -> int:

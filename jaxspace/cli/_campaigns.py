@@ -96,8 +96,10 @@ def _head(file: SceneFile, runs: int, seed: int, until: StopRule | None) -> str:
     return f"{file.title}: at most {runs} runs, seed {seed}, {until.text()}"
 
 
-def resume(store: str, engine: str, modules: Sequence[str] = ()) -> int:
-    """Compute the missing runs of a store, and report on all of them."""
+def resume(store: str, engine: str, modules: Sequence[str] = (), runs: int | None = None) -> int:
+    """Compute the missing runs of a store, and report on all of them.
+
+    `runs`: the number of runs to which the campaign is extended; by default the planned number."""
     dispersion = _opened_quietly(store)
     file = _scene(store, dispersion, modules)
     there = {**dispersion.attributes, "seed": dispersion.seed}
@@ -105,8 +107,14 @@ def resume(store: str, engine: str, modules: Sequence[str] = ()) -> int:
     stored = {"seed": there["seed"], "chunk": there["chunk"], "samples": there.get("samples", 0)}
     stored["times"] = there.get("times")
     stored["until"] = StopRule(**there["until"]) if there.get("until") else None
-    print(_head(file, there["planned_runs"], there["seed"], stored["until"]))
-    return _run(file, store, there["planned_runs"], engine, resume=True, **stored)
+    planned = int(there["planned_runs"])
+    if runs is not None and runs < planned:
+        raise InputError(
+            f"--runs is {runs}: the store was planned for {planned}; give at least that."
+        )
+    planned = planned if runs is None else runs
+    print(_head(file, planned, there["seed"], stored["until"]))
+    return _run(file, store, planned, engine, resume=True, **stored)
 
 
 def _run(

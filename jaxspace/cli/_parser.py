@@ -57,6 +57,7 @@ def parser() -> argparse.ArgumentParser:
     _method_options(commands["disperse"])
     _engine_option(commands["disperse"])
     _engine_option(commands["resume"])
+    _resume_options(commands["resume"])
     _replay_options(commands["replay"])
     _failures_options(commands["failures"])
     _report_options(commands["report"])
@@ -115,6 +116,15 @@ def _file_arguments(commands: dict[str, argparse.ArgumentParser]) -> None:
 def _run_options(run: argparse.ArgumentParser) -> None:
     run.add_argument(
         "--show", action="store_true", help="open an animated 3-D view of the run in the browser"
+    )
+
+
+def _resume_options(resume: argparse.ArgumentParser) -> None:
+    resume.add_argument(
+        "--runs",
+        type=_count,
+        help="extend the campaign to this number of runs; existing runs keep their values "
+        "(default: the planned number)",
     )
 
 

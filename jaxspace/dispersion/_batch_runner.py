@@ -96,21 +96,25 @@ class BatchRunner(AbstractRunner):
         devices: Sequence[jax.Device],
         samples: StatesToStore,
         runs: int,
+        small: bool | None = None,
     ) -> "BatchRunner":
         """Compile the program of a campaign of so many runs, and run its first call.
+
+        `small`: that of a store that is resumed, whose number of runs may have been another one.
 
         The exact part of the motion is in closed form where the steps would run out otherwise.
         Warns of times that none of the runs of the first call reaches. **Raises** `SimulationError`
         if the nominal run fails, and `InputError` for outputs that are not one number for each run,
         or that mix runs."""
         block = Blocks.on(devices[:1], call_size(devices)).size
-        small = runs_as_small_program(campaign, accuracy, block, runs)
+        if small is None:
+            small = runs_as_small_program(campaign, accuracy, block, runs)
         prepared = PreparedCampaign(campaign, accuracy, seed, small, samples, "")
         runner = cls(prepared, devices)
         runner._compile_and_check()
         status, nominal = runner._run_first()
         if for_turns(campaign, accuracy, status) is not None:
-            return cls.prepare(campaign, exact(accuracy), seed, devices, samples, runs)
+            return cls.prepare(campaign, exact(accuracy), seed, devices, samples, runs, small)
         if status in (Status.NOT_FINITE, Status.MAX_STEPS):
             raise SimulationError(f"The nominal run cannot be simulated. {Status(status).sentence}")
         if status != Status.TOLERANCE_MISSED:

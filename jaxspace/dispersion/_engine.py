@@ -21,13 +21,14 @@ from ..engines.ending import check_rule
 from ..engines.named import as_engine
 from ..integration.accuracy import Accuracy
 from ..integration.config import check_tolerance
+from ..sampling import LatinHypercube
 from ..simulation.legs import legs_of
 from ..statistics import Dispersion
 from ..statistics.spread import StopRule
 from ..stores import DamagedStore
 from ..stores.columns import check_array_name
 from ..stores.results import RunResults
-from ..stores.store import ENOUGH
+from ..stores.store import ENOUGH, Store
 from ..stores.writer import StoreWriter
 from ._batch_runner import BatchRunner
 from ._by_purpose import errors_at, recorded, tolerance_by_purpose
@@ -124,7 +125,10 @@ def disperse(
       columns of the result are then read from it on demand.
     - `overwrite`: whether an existing store may be replaced; otherwise it is an error.
     - `resume`: whether to complete an existing store: only chunks that are missing or damaged are
-      computed. A store of another campaign is refused, with the difference in the message.
+      computed. With more `runs` than the store was planned for, the store is extended: its runs
+      keep their bits, and the others are those of a campaign that was planned for `runs`. Sobol
+      points keep their property if both numbers are powers of two; a Latin hypercube cannot be
+      extended. A store of another campaign is rejected, with the difference in the message.
     - `samples`: number of states that the store saves for every phase of every run, from its start
       to its end, besides the outputs; none by default, else at least 2.
     - `times`: times of the mission, s, at which the store saves the states of every run, instead of
@@ -187,9 +191,14 @@ def disperse(
 
         def prepare(rtol: float) -> BatchRunner:
             tolerance = dataclasses.replace(accuracy, rtol=rtol)
-            return BatchRunner.prepare(campaign, tolerance, seed, local, kept_states, runs)
+            return BatchRunner.prepare(campaign, tolerance, seed, local, kept_states, runs, small)
 
-        there = writer.store.attributes if writer is not None and resume else None
+        there = small = None
+        if writer is not None and resume:
+            # Only the process that holds the lock has read the store by now.
+            there = writer.store.attributes or Store(writer.store.path).read().attributes
+            _check_extension(campaign, int(there.get("planned_runs", runs)), runs)
+            small = bool(there.get("small_program", False))
         runner, found = _prepared(prepare, asked, accuracy, runs, there)
         # After compiling and the first call: the time that follows grows with the number of runs.
         preparation = time.perf_counter() - started
@@ -198,6 +207,15 @@ def disperse(
         if writer is not None:
             return stored(writer, runner, using, attributes, progress, until)
         return _held(runner, using, attributes, runs, progress, until, started)
+
+
+def _check_extension(campaign: Campaign, planned: int, runs: int) -> None:
+    """Raise `InputError` for an extension that the design of the campaign does not allow."""
+    if runs > planned and isinstance(campaign.design, LatinHypercube):
+        raise InputError(
+            f"runs is {runs}, and the store has a Latin hypercube of {planned} runs, whose layers "
+            "depend on their number: start a new campaign, or use independent runs or Sobol points."
+        )
 
 
 def _refuse(options: Sequence[tuple[str, object, object]], method: str) -> None:

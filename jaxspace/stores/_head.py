@@ -82,15 +82,15 @@ def damaged_arrays(folder: Path, arrays: Record) -> list[str]:
     return [name for name in result if _parsed(folder, name) != arrays[name]]
 
 
-def is_longer(folder: Path, name: str, head: Record) -> bool:
-    """Whether an array's metadata file differs from its `head` only by a larger number of runs."""
+def differs_in_runs(folder: Path, name: str, head: Record) -> bool:
+    """Whether an array's metadata file differs from its `head` only by the number of runs."""
     own = _parsed(folder, name)
     if not isinstance(own, dict) or own | {"shape": head["shape"]} != head:
         return False
     shape = own["shape"]
     if not isinstance(shape, list) or len(shape) != len(head["shape"]):
         return False
-    return all(isinstance(n, int) and n >= m for n, m in zip(shape, head["shape"], strict=True))
+    return isinstance(shape[0], int) and shape[1:] == head["shape"][1:]
 
 
 def _parsed(folder: Path, name: str) -> Any:

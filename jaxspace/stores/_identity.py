@@ -29,8 +29,8 @@ IDENTITY = {
 
 def mark_of(attributes: Record) -> str:
     """The mark of the campaign with these attributes of a store, which the entry of each of its
-    chunks bears."""
-    identity = [attributes.get(name) for name in IDENTITY]
+    chunks bears. The number of runs is not part of it: an extended campaign keeps its chunks."""
+    identity = [attributes.get(name) for name in IDENTITY if name != "planned_runs"]
     return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
 
 

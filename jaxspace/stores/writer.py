@@ -18,7 +18,7 @@ from ..core.processors import cores
 from ..core.record import Record, resuming
 from ._errors import DamagedStore, StoreError
 from ._files import check_without_links, write_whole
-from ._head import COPY, HEAD, is_longer, is_store, read_head, sealed
+from ._head import COPY, HEAD, differs_in_runs, is_store, read_head, sealed
 from ._identity import difference, mark_of
 from ._lock import NAME, Lock
 from ._replacement import (
@@ -167,10 +167,10 @@ class StoreWriter:
         store = self.store
         root = json.loads(read_head(store.folder)[0])
         heads = root["consolidated_metadata"]["metadata"]
-        # A process that was killed where a campaign ended has shortened the head and not yet all
-        # arrays: this is not corruption.
-        unended = [n for n in store.damaged_arrays if is_longer(store.folder, n, heads[n])]
-        for damage in store.metadata_damages(but_for=unended):
+        # A process that was killed where a campaign ended, or was extended, has changed the head
+        # and not yet all arrays: this is not corruption.
+        others = [n for n in store.damaged_arrays if differs_in_runs(store.folder, n, heads[n])]
+        for damage in store.metadata_damages(but_for=others):
             warnings.warn(f"{store.path}: {damage}", DamagedStore, stacklevel=2)
         with self._disk():
             for path in self._unfinished:
@@ -208,7 +208,7 @@ class StoreWriter:
         store.folder = path / STAGED
         store.attributes = {**attributes, "form": FORM}
         store.columns = dict(columns)
-        self._check_space(size_of(path, replaced))
+        self._check_space(store, size_of(path, replaced))
         with self._disk():
             files = _metadata(store)
             head = json.loads(files.pop(HEAD))
@@ -229,22 +229,63 @@ class StoreWriter:
         self.published = True
 
     def join(self, columns: Mapping[str, Column], attributes: Record) -> Store:
-        """The store that is there already: the one that is completed, or a new one that another
-        process has staged.
+        """The store that is there already: the one that is completed, extended if more runs are
+        planned than it has, or a new one that another process has staged.
 
-        **Raises** `StoreError` if its runs have different results here."""
+        **Raises** `StoreError` if its runs have different results here, and for fewer runs than
+        the store was planned for."""
         store = self.store.read(None if self.resume else self.store.path / STAGED)
-        other = difference(store.attributes, store.columns, attributes, columns)
+        runs = int(attributes["planned_runs"])
+        extends = (
+            self.resume and runs > store.attributes["planned_runs"] and self.lock.handle is not None
+        )
+        if extends and ENOUGH in store.attributes:
+            raise StoreError(
+                f"{store.path} ended after {store.runs} runs by its stopping rule: it cannot be "
+                f"extended to {runs} runs."
+            )
+        there = store.attributes | ({"planned_runs": runs} if extends else {})
+        other = difference(there, store.columns, attributes, columns)
         if other:
             raise StoreError(f"{store.path} is the store of another campaign: {other}")
         # Nothing is repaired in a store of another campaign, nor by two processes.
         if self.lock.handle is not None:
             self._mend_metadata()
+        if extends:
+            self._extend(runs)
         return store
 
-    def _check_space(self, freed: int) -> None:
-        """`freed`: bytes of the store that is replaced."""
+    def _extend(self, runs: int) -> None:
+        """Plan more runs: the arrays become longer, and the chunks that are there remain.
+
+        A last chunk that was short is computed again. Its entry is removed first, so that the store
+        is valid whenever this ends, and a repetition completes it."""
         store = self.store
+        longer = Store(store.path)
+        longer.attributes = {**store.attributes, "planned_runs": runs}
+        longer.columns = store.columns
+        self._check_space(longer, size_of(store.path, array_names(store.path)))
+        last = store.count - 1
+        if store.extent(last)[1] < store.chunk:
+            with self._disk():
+                (store.folder / MANIFEST / f"{last}.json").unlink(missing_ok=True)
+        root = json.loads(read_head(store.folder)[0])
+        root["attributes"]["planned_runs"] = runs
+        self._write_runs(root, runs)
+
+    def _write_runs(self, root: Record, runs: int) -> None:
+        """Write the head, and then the metadata of each array, with this number of runs."""
+        heads = root["consolidated_metadata"]["metadata"]
+        for head in heads.values():
+            head["shape"][0] = runs
+        self._write_head(root)
+        with self._disk():
+            for name, head in heads.items():
+                write_whole(self.store.folder / name / HEAD, json.dumps(head).encode())
+
+    def _check_space(self, store: Store, freed: int) -> None:
+        """Raise `StoreError` unless the disk has room for all chunks of a store; `freed`: bytes of
+        them that are there, or of the store that is replaced."""
         needed = store.count * store.chunk * sum(c.bytes_of_run for c in store.columns.values())
         needed += SPARE
         free = shutil.disk_usage(store.path).free + freed
@@ -304,14 +345,9 @@ class StoreWriter:
         store = self.store
         runs = min(chunks * store.chunk, int(store.attributes["planned_runs"]))
         root = json.loads(read_head(store.folder)[0])
-        heads = root["consolidated_metadata"]["metadata"]
-        for head in heads.values():
-            head["shape"][0] = runs
         root["attributes"][ENOUGH] = runs
-        self._write_head(root)
+        self._write_runs(root, runs)
         with self._disk():
-            for name, head in heads.items():
-                write_whole(store.folder / name / HEAD, json.dumps(head).encode())
             for entry in (store.folder / MANIFEST).glob("*.json"):
                 if NUMBER.fullmatch(entry.stem) and int(entry.stem) >= chunks:
                     entry.unlink()
