@@ -45,9 +45,9 @@ def top():
         1, 3, figsize=(9.6, 3.5), layout="constrained"
     )
     starts = (
-        ("let go backwards: loops", -4.0),
-        ("let go at rest: cusps", 0.0),
-        ("let go forwards: waves", 1.2),
+        ("initial backward precession: loops", -4.0),
+        ("released at rest: cusps", 0.0),
+        ("initial forward precession: waves", 1.2),
     )
     circle = np.linspace(0.0, 2.0 * np.pi, 200)
     for panel, (title, rate) in zip(panels, starts, strict=True):
@@ -111,7 +111,9 @@ def two_body():
     cost, error, estimate, drift = np.array(rows).T
     figure, panel = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
     panel.loglog(cost, error, "o-", label="error against the closed form")
-    panel.loglog(cost, estimate, "x--", label="what Trajectory.error() says")
+    panel.loglog(
+        cost, estimate, "x--", label="estimate of Trajectory.error()"
+    )
     panel.loglog(cost, drift, "s:", label="relative drift of the energy")
     panel.set(
         xlabel="evaluations of the vector field",

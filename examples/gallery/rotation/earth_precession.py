@@ -40,13 +40,13 @@ left.set(xlabel="deg", ylabel="deg", aspect="equal")
 left.set_title(f"One turn in {whole:,.0f} years")
 
 t = jnp.linspace(0.0, 1.0, 2000) * year
-psi = nod = 0.0
+psi = dtheta = 0.0
 for f, tau in pulls.values():
     along, across = luni_solar_nutation(f, tau, bulge, theta, spin)
     psi = psi + along * jnp.sin(4.0 * jnp.pi * t / tau)
-    nod = nod + across * jnp.cos(4.0 * jnp.pi * t / tau)
+    dtheta = dtheta + across * jnp.cos(4.0 * jnp.pi * t / tau)
 second = jnp.degrees(1.0) * 3600.0
-right.plot(psi * jnp.sin(theta) * second, nod * second, lw=1.0)
+right.plot(psi * jnp.sin(theta) * second, dtheta * second, lw=1.0)
 right.set(xlabel="along the circle, arcsec", ylabel="change of θ, arcsec")
-right.set(aspect="equal", title="Nodding in a year")
+right.set(aspect="equal", title="Nutation within one year")
 plt.show()
