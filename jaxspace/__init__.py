@@ -3,35 +3,35 @@
 The packages, from the ground up:
 
     constants       numbers with unit and source
-    core            what all stand on: the interface of a system, declared quantities, checks
+    core            foundations: the interface of a system, declared quantities, checks
     rotations       orientation: quaternion, Euler angles, matrix
-    bodies          what has mass: inertia, mass properties, Newton-Euler, the interface of effects
-    orbits          a point under gravity: two-body motion, elements, Kepler, oblateness
-    attitude        rotation of a body: torque-free, heavy top, despin
+    bodies          bodies with mass: inertia, mass properties, Newton-Euler, interface of effects
+    orbits          point motion under gravity: two-body motion, elements, Kepler, oblateness
+    attitude        rigid-body rotation: torque-free, heavy top, despin
     gyros           instruments: two-gimbal gyro, gyrocompass, rate gyro, platform
-    rockets         mass that leaves: thrust, jet damping, rocket equation
+    rockets         variable mass: thrust, jet damping, rocket equation
     vehicles        rockets in air: airframe, wind, rail, flights (imported by name)
     mechanics       systems from a Lagrangian, impulse and impact (imported by name)
     scene           a body and its effects as one system
     solvers         integrators as diffrax solvers
-    integration     the steps of one integration: method, tolerances, events, derivatives
-    simulation      the runner: simulate one run or many, a system or a mission of phases
-    studies         questions about a run: what accuracy costs, which effects matter, modes
-    control         controllers that act at samples, sensors, environments (imported by name)
+    integration     integration of a system: method, tolerances, events, derivatives
+    simulation      simulation of one or many runs of a system or a mission of phases
+    studies         analyses of a run: cost of accuracy, influence of effects, modes
+    control         sampled controllers, sensors, environments (imported by name)
     sampling        random inputs: distributions, designs (imported by name)
-    statistics      of many runs: limits, joint spread, contributors, requirements
+    statistics      statistics of many runs: limits, joint spread, contributors, requirements
     stores          campaigns on disk (imported by name)
-    engines         what computes their runs, here or on a cluster (imported by name)
+    engines         engines for campaign runs, local or on a cluster (imported by name)
     dispersion      campaigns of many runs
-    minimisation    searches for a minimum under constraints (imported by name)
+    minimisation    constrained minimisation (imported by name)
     optimization    staging, steering
-    robust          the best design where everything scatters (imported by name)
+    robust          design optimisation under dispersion (imported by name)
     estimation      parameters and states from data (imported by name)
     verification    edge cases and laws (imported by name)
     io, plots, cli  files, figures, the command line (imported by name, with the extra `app`)
 
-Each is imported when it is first used, or a name of it: `import jaxspace` alone loads none of them,
-and no JAX.
+Each package is imported on first use of it or of one of its names: `import jaxspace` itself loads
+none of them, nor JAX.
 """
 
 from typing import TYPE_CHECKING
@@ -118,7 +118,7 @@ if not TYPE_CHECKING:
     __all__ = [*_PACKAGES, *_MODULE_OF]
 
     def __getattr__(name):
-        """A package, or a name of one, which is imported when it is first used."""
+        """A package, or a name of one, which is imported on first use."""
         # Here, because the names of this file are those of the library.
         from importlib import import_module, metadata
 

@@ -1,4 +1,4 @@
-"""Settings of JAX that hold for a whole process: made by its caller and never by an import."""
+"""JAX settings of the whole process: changed explicitly by the caller, never by an import."""
 
 import os
 import sys
@@ -6,25 +6,24 @@ from pathlib import Path
 
 
 def enable_x64() -> None:
-    """Let JAX compute in float64 from now on, in this process. Call it before the first array is
-    made."""
+    """Enable float64 in JAX for this process. Call it before the first array is created."""
     import jax
 
     jax.config.update("jax_enable_x64", True)
 
 
 def keep_programs(folder: "str | os.PathLike[str] | None" = None) -> Path:
-    """Keep every program that this process compiles from now on, for the processes after it.
+    """Cache every program that this process compiles from now on, for later processes.
 
-    A further process that makes the same call reads what it needs in place of compiling it. The
-    command line does so by itself, in the same folder. A program is read only where it was made:
-    by the same versions, for the same kind of processor, of the same shapes.
+    A later process that makes the same call loads programs instead of compiling them. The command
+    line does this automatically, in the same folder. A program is reused only with the same
+    versions, the same kind of processor and the same shapes.
 
     **Arguments**
 
-    - `folder`: where they are kept; made when the first one is written. By default that of the
-      environment's `JAX_COMPILATION_CACHE_DIR`, or else `jaxspace` among the caches of the user's
-      system. It may be deleted at any time.
+    - `folder`: location of the cache; created when the first program is written. By default that of
+      the environment's `JAX_COMPILATION_CACHE_DIR`, or else `jaxspace` among the caches of the
+      user's system. It may be deleted at any time.
 
     **Returns** the folder.
 
@@ -48,7 +47,7 @@ def keep_programs(folder: "str | os.PathLike[str] | None" = None) -> Path:
 
 
 def _user_folder() -> Path:
-    """Where the user's system keeps such things."""
+    """The cache folder of the user's system."""
     if sys.platform == "win32":
         base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
     elif sys.platform == "darwin":

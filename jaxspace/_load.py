@@ -1,4 +1,4 @@
-"""The door to scene files, which imports what reads them when it is opened."""
+"""Loading of scene files; the reader is imported on first use."""
 
 import os
 from collections.abc import Iterable
@@ -14,20 +14,22 @@ def load(
     *,
     modules: "Iterable[str | os.PathLike[str]]" = (),
 ) -> "SceneFile":
-    """The scene file at `path`: what moves, from where, when, how accurately, and what scatters.
+    """The scene file at `path`: system, initial state, times, accuracy and dispersions.
 
-    `file.system`, `file.y0`, `file.ts` and `file.accuracy` are what `simulate` takes, of a mission
-    `simulate_mission`;
-    `file.simulate()` runs it, `file.campaign()` is what `disperse` takes.
+    `file.system`, `file.y0`, `file.ts` and `file.accuracy` are the arguments of `simulate`, or of
+    `simulate_mission` for a mission; `file.simulate()` runs it, and `file.campaign()` is the
+    argument of `disperse`.
 
     **Arguments**
 
-    - `path`: of a file in TOML.
-    - `also`: classes and declared functions that the file may name besides those of the library.
-    - `modules`: paths of Python files, which are run; the file may name what they define.
+    - `path`: of a TOML file.
+    - `also`: classes and declared functions available to the file in addition to those of the
+      library.
+    - `modules`: paths of Python files, which are executed; their definitions are available to the
+      file.
 
-    **Raises** `jaxspace.io.SceneError`, one line for each thing that is wrong; nothing is compiled
-    before. Needs the extra `app` for units."""
+    **Raises** `jaxspace.io.SceneError`, with one line per error, before anything is compiled.
+    Requires the extra `app` for units."""
     # Here, so that `import jaxspace` stays as quick as what it is used for.
     from .io import load as load_file
 

@@ -1,5 +1,5 @@
-"""Numbers with their unit and their source. No formula of the library imports them: every parameter
-is passed."""
+"""Constants with units and sources. No formula of the library imports them: all parameters are
+passed explicitly."""
 
 import typing as _typing
 

@@ -42,10 +42,10 @@ class ControlMomentGyros(AbstractEffect):
     )
 
     gimbal_axes: Float[Array, "3 gyros *#runs"] = quantity(
-        "", direction=True, doc="g_i as columns: x of all gyros, y, z; of any length but zero"
+        "", direction=True, doc="g_i as columns: x of all gyros, y, z; of non-zero length"
     )
     spin_axes: Float[Array, "3 gyros *#runs"] = quantity(
-        "", direction=True, doc="s0_i as columns, across the gimbal axes; of any length but zero"
+        "", direction=True, doc="s0_i as columns, across the gimbal axes; of non-zero length"
     )
     momentum: Float[Array, "gyros *#runs"] = quantity("kg m^2/s", doc="h_i, of each wheel")
     gimbal_angle: Float[Array, "gyros *#runs"] = quantity("rad", doc="d_i, at the start")

@@ -93,7 +93,7 @@ def bearing_reactions(
     - `inertia`: about the centre of mass, kg m^2.
     - `mass`: kg, (*runs,).
     - `centre`: of mass, from O, m, (3, *runs).
-    - `shaft`: its direction, of any length but zero, (3, *runs).
+    - `shaft`: its direction, of non-zero length, (3, *runs).
     - `stations`: of the two bearings along the shaft from O, m, (*runs,); not the same.
     - `rate`, `acceleration`: of the turn about the shaft, rad/s, rad/s^2, (*runs,).
 

@@ -69,7 +69,7 @@ class NutationDamper(AbstractEffect):
         "m", doc="r0, of the damper at rest, from the mass centre in body axes"
     )
     direction: Float[Array, "3 *#runs"] = quantity(
-        "", direction=True, doc="u, in which it slides, in body axes; of any length but zero"
+        "", direction=True, doc="u, in which it slides, in body axes; of non-zero length"
     )
     stiffness: NumberField = quantity("N/m", non_negative=True, doc="k, of the spring")
     damping: NumberField = quantity("N s/m", non_negative=True, doc="c, of the dashpot")

@@ -78,7 +78,7 @@ def rotor_moment(
     **Arguments**
 
     - `omega`: of the body, rad/s, (3, *runs).
-    - `axis`: of the rotor, of any length but zero, (3, *runs).
+    - `axis`: of the rotor, of non-zero length, (3, *runs).
     - `inertia`: about it, kg m^2, (*runs,).
     - `speed`, `acceleration`: relative to the body, rad/s and rad/s^2, (*runs,).
 
@@ -105,7 +105,7 @@ class ReactionWheels(AbstractEffect):
     )
 
     axes: Float[Array, "3 wheels *#runs"] = quantity(
-        "", direction=True, doc="a_i as columns: x of all wheels, y, z; of any length but zero"
+        "", direction=True, doc="a_i as columns: x of all wheels, y, z; of non-zero length"
     )
     inertia: Float[Array, "wheels *#runs"] = quantity(
         "kg m^2", positive=True, doc="I_i, of each wheel about its axis"
@@ -146,7 +146,7 @@ class ReactionWheels(AbstractEffect):
     @classmethod
     @constructor(
         sets=("axes", "inertia", "speed"),
-        axis=argument("", shape=(3,), direction=True, doc="of the rotor, of any length but zero"),
+        axis=argument("", shape=(3,), direction=True, doc="of the rotor, of non-zero length"),
         inertia=argument("kg m^2", positive=True, doc="of the rotor about its axis"),
         speed=argument("rad/s", default=0.0, doc="relative to the body, at the start"),
     )

@@ -78,7 +78,7 @@ class MassProperties(HashedModule):
         return _sum(self.tensor, particle_inertia(self.mass, _sum(self.centre, -point)), axes=2)
 
     def moment_about(self, direction: Vector, point: Vector) -> Scalar:
-        """The moment of inertia about the line along `direction`, of any length but zero, through
+        """The moment of inertia about the line along `direction`, of non-zero length, through
         `point`, m; kg m^2, (*runs,)."""
         return moment_along(self.about(point), direction)
 
@@ -134,7 +134,7 @@ def moment_along(tensor: Matrix, direction: Vector) -> Scalar:
     **Arguments**
 
     - `tensor`: about a point of the axis, kg m^2, (3, 3, *runs).
-    - `direction`: of the axis, of any length but zero, (3, *runs).
+    - `direction`: of the axis, of non-zero length, (3, *runs).
     """
     return dot(direction, matvec(tensor, direction)) / dot(direction, direction)
 

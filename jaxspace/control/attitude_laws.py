@@ -143,7 +143,7 @@ class SpinRateControl(AbstractController):
     gain: NumberField = quantity("N m s", positive=True, doc="k, torque over rate")
     rate: NumberField = quantity("rad/s", doc="n, target rate about the axis")
     axis: Float[Array, "3 *#runs"] = quantity(
-        "", direction=True, default=(0.0, 0.0, 1.0), doc="of the spin, of any length but zero"
+        "", direction=True, default=(0.0, 0.0, 1.0), doc="of the spin, of non-zero length"
     )
 
     def act(self, t: Scalar, memory: None, measured: PyTree) -> tuple[Array, None]:
@@ -159,7 +159,7 @@ class NutationControl(AbstractController):
 
     gain: NumberField = quantity("N m s", positive=True, doc="k, torque over rate")
     axis: Float[Array, "3 *#runs"] = quantity(
-        "", direction=True, default=(0.0, 0.0, 1.0), doc="of the spin, of any length but zero"
+        "", direction=True, default=(0.0, 0.0, 1.0), doc="of the spin, of non-zero length"
     )
     dead_band: NumberField = quantity(
         "rad/s", non_negative=True, default=0.0, doc="transverse rate below which no torque acts"

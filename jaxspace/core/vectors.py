@@ -98,7 +98,7 @@ def _inverse_norm_rule(
 
 
 def _relative_change(a: Vector, da: Vector) -> Scalar:
-    """That of the length of `a` by a change `da`: a . da / |a|^2."""
+    """Relative change of the length of `a` due to a change `da`: a . da / |a|^2."""
     # As a sum over the axis, as in `dot`, and held, so that reverse mode computes what it spreads
     # over the components once.
     if is_narrow(a):

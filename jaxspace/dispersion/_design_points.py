@@ -60,7 +60,7 @@ def points_from(slope: Slope, points: np.ndarray, violations: np.ndarray, most: 
 
 
 def explained(points: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Which violations z, (runs, n), lie beyond the plane through a point, perpendicular to its
+    """The violations z, (runs, n), beyond the plane through a point, perpendicular to its
     direction: the limit itself where the output is linear."""
     return np.any(z @ points.T >= BEYOND * np.sum(points**2, axis=1), axis=1)
 

@@ -62,7 +62,7 @@ class Violations(NamedTuple):
 
 
 class Searched(NamedTuple):
-    """What the searches have found.
+    """The results of the searches.
 
     - `points`: design points, (points, n).
     - `apart`: violations of the wide search that no point explains, (runs, n).

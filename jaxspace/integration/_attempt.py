@@ -26,7 +26,7 @@ from .normalised_time import StepTimes, field_of_part
 
 
 class Beginning(NamedTuple):
-    """Where a step of each run begins: at `s`, with the state `y0`; its `length` in normalised
+    """The start of a step of each run: at `s`, with the state `y0`; its `length` in normalised
     time, and whether the vector field `jumped` there."""
 
     s: Float[Array, "*runs"]
@@ -58,7 +58,7 @@ class Attempt(NamedTuple):
     - `error`: in units of the tolerance.
     - `polynomial`: its dense output, from 0 to 1; `segment`: its times, if the field is not
       hoisted.
-    - `carried`: what the method carries into the next step."""
+    - `carried`: carry of the method into the next step."""
 
     begin: Beginning
     y1: State

@@ -15,8 +15,8 @@ from ._rows import nan_buffer, put_rows, rows_of
 
 
 def place_in_step(t: Array, start: Array, length: Array) -> Array:
-    """Where in a step from 0 to 1, with its `start` and its `length`, the normalised time `t`
-    lies."""
+    """Position of the normalised time `t` in a step from 0 to 1, with its `start` and its
+    `length`."""
     return (t - start) / jnp.where(length > 0.0, length, 1.0)
 
 
@@ -91,7 +91,7 @@ class Buffers(NamedTuple):
         record, of this `layout`, has a row for each pass in which a run moved, this one with its
         `number` and its `step`.
 
-        A step that was not `taken` writes to no row, or to one that the next one overwrites."""
+        A step that was not `taken` writes no row, or one that the next step overwrites."""
         _, ends, states, recording = self
         if ends is not None:
             ends = put_rows(ends, n, taken, end)

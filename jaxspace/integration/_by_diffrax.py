@@ -1,4 +1,4 @@
-"""An integration by diffrax's own loop.
+"""An integration with diffrax's loop.
 
 Its adjoints integrate again backwards, by another program, whose last digits are rounded
 differently. If the error estimates chose the steps there as well, these would end at other times
@@ -26,8 +26,8 @@ from .result import Outcome
 def solve_by_diffrax(
     field: PyTree, y0: State, settings: LoopSettings, adjoint: diffrax.AbstractAdjoint | None
 ) -> Outcome:
-    """The outcome of diffrax's loop, for its adjoints and for methods that carry more than a state
-    from step to step."""
+    """The outcome of diffrax's loop, for its adjoints and for methods with an additional carry
+    between steps."""
     chosen = None
     if settings.plan is None:
         chosen, nodes = _chosen_steps(field, y0, settings)

@@ -39,7 +39,7 @@ REPETITIONS = 12
 
 @final
 class SoughtEvents(eqx.Module):
-    """Which events end the runs.
+    """The events that end the runs.
 
     - `events`: all of them end a run.
     - `rounding`: change of each condition for a relative change of one in all components of the

@@ -2,7 +2,7 @@
 
 In an iteration each run makes one step, accepted or rejected, of individual length: the method
 steps from 0 to 1, which every run maps to its time interval (`StepTimes`). A run therefore does not
-depend on its neighbours. Runs that take planned steps share their times.
+depend on its neighbours. Runs with planned steps share their times.
 
 diffrax's own loop does the same work for one run. This one is traced once where diffrax's is traced
 three times, which halves the first call, and it records the steps for derivatives (`_record.py`).
@@ -79,8 +79,8 @@ def _until_recorded(
     run: Callable[..., LoopState],
 ) -> LoopState:
     """The loop at its end: with steps of each run, and if they are more than these `rows` of the
-    record, with steps that all runs share. Where these run out, the runs that kept them short are
-    left out."""
+    record, with steps that all runs share. When these are exhausted, the runs that shortened them
+    are excluded."""
 
     def attempt(carry: tuple[LoopState, Array]) -> tuple[LoopState, Array]:
         before, number = carry

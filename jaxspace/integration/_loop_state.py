@@ -69,6 +69,6 @@ class LoopState(NamedTuple):
         return going if self.location is None else going | jnp.any(self.location.again)
 
     def short(self, settings: LoopSettings) -> Bool[Array, "*runs"]:
-        """Which runs lack steps."""
+        """The runs that reached the maximum number of steps."""
         lacking = settings.tolerance.alive(self.y) & (self.t < settings.end)
         return lacking if self.location is None else lacking & ~self.location.waiting

@@ -1,10 +1,10 @@
-"""A system whose state is one vector, for the small program of one run.
+"""A system whose state is one vector, for the compact program of one run.
 
 In addition to the vector field, each operation of a step (weighted sums of stages, norms,
 selections) acts on every block of the state: position, velocity, attitude. On one vector of all
 blocks it is a single operation instead of five or six, and the program of a large field compiles
 faster. The vector field receives its state, which is sliced from the vector at negligible cost. For
-many runs these copies would take as long as the field.
+many runs these copies would be as expensive as the field.
 """
 
 import dataclasses

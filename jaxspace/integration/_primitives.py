@@ -1,9 +1,8 @@
 """The JAX primitives of an integration: their programs, the shapes of their results, and the rules
 by which JAX differentiates and transposes them.
 
-Arguments and results are trees, by the functions of equinox for its own primitives: `None` stands
-for a derivative that is zero by structure. The rules are registered with JAX when this file is
-imported.
+Arguments and results are pytrees, using the functions of equinox for its primitives: `None` means a
+structurally zero derivative. The rules are registered with JAX when this file is imported.
 """
 
 from collections.abc import Callable

@@ -48,7 +48,7 @@ class RecordLayout(NamedTuple):
 
     - `shapes`, `dtypes`, `structure`: of a state.
     - `step`: shape of the numbers recorded for a step.
-    - `limit`: largest number of steps; `rows`: of those that each run takes by itself.
+    - `limit`: largest number of steps; `rows`: of the individual steps of each run.
     - `dtype`: of the record."""
 
     shapes: tuple[tuple[int, ...], ...]

@@ -279,8 +279,8 @@ class Part(NamedTuple):
     def _expected(
         self, low: tuple[Scalar, Scalar, Scalar], high: tuple[Scalar, Scalar, Scalar]
     ) -> tuple[Scalar, Bool[Array, "*runs"], Bool[Array, "*runs"]]:
-        """Where the condition is expected to be zero between two samples, in a dip where it is
-        nearest to zero; whether it dips; and whether the samples are so close that this is it.
+        """Expected zero of the condition between two samples, in a dip its closest point to zero;
+        whether it dips; and whether the samples are so close that this is it.
 
         Of each sample the place, the condition and its slope."""
         (a, ga, sa), (b, gb, sb) = low, high

@@ -17,7 +17,7 @@ tangents, or by a motion that limits the step and moves every block of the state
 size or more. Between these steps the tangents rest. The run is repeated with the tangents in the
 control of every step where
 
-- the error of a tangent is more than `ALARM` times what is allowed, or `MOST_ERROR` of its size;
+- the error of a tangent is more than `ALARM` times the allowed one, or `MOST_ERROR` of its size;
 - a step was longer than those known to be resolved. An unknown error is not an error of zero.
 
 A step limited by the motion is not sufficient evidence: at an equilibrium that is inexact due to
@@ -44,7 +44,7 @@ SINCE, EVERY = 2, 24
 """The first of the steps that are monitored whatever their length, and the distance of those that
 follow."""
 LONGER, POWER = 1.25, 8
-"""How much longer than all that are resolved a step is that is monitored; and the power of the
+"""Factor by which a monitored step is longer than all resolved ones; and the power of the
 length by which the errors in those up to this length are larger, which is that of DOP853."""
 FREE, LONG = 1e-3, 0.02
 """A step whose motion has a smaller error, in units of the tolerance, is followed by a longer one,
@@ -54,9 +54,10 @@ MOVED = 1e-2
 """Part of its size by which a block moves in a step that its motion resolves to a hundred
 tolerances."""
 USUAL, ALARM = 10.0, 30.0
-"""Errors of a tangent, in units of what is allowed: that of tangents whose steps the motion chooses
-well, and that at which the run is repeated. A tangent that a force drives grows with the square of
-the time, and rests in the steps that are not monitored: what is allowed grows as much."""
+"""Errors of a tangent, in units of the allowed error: that of tangents whose steps the motion
+chooses well, and that at which the run is repeated. A tangent that a force drives grows with the
+square of the time, and rests in the steps that are not monitored: the allowed error grows
+accordingly."""
 MOST_ERROR = 0.03
 """Error of a tangent relative to its size at which the run is repeated, at loose tolerances: after
 a step that is too long the tangent itself is wrong, and as large as its error."""
@@ -70,7 +71,7 @@ class TangentControl(eqx.Module):
     """Step control by the tangents of `probes`.
 
     - `method`: that of the run, as a small program, because most steps do without it.
-    - `term`: the vector field as the method takes it."""
+    - `term`: the vector field in the form of the method."""
 
     probes: Probes
     tolerance: Tolerance
@@ -155,7 +156,7 @@ class TangentControl(eqx.Module):
         return state, control.astype(step.motion.dtype)
 
     def _ratios(self, errors: Lengths, sizes: Lengths) -> Float[Array, "probes *#runs"]:
-        """The errors in units of what is allowed, of the worst block."""
+        """The errors in units of the allowed error, of the worst block."""
         return jax.vmap(self.tolerance.worst)(errors, sizes)
 
     def run(self, start: LoopState, run: Callable[[LoopState], LoopState]) -> LoopState:

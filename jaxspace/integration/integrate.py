@@ -110,8 +110,8 @@ def _any_outside(
 ) -> Flag | None:
     """Whether one of the saved states is outside the range of the system; `None` where none can.
 
-    Of a closed form, which takes no steps, nothing else is asked; of steps it is asked beside their
-    ends, between which a run may be outside."""
+    For a closed form, without steps, nothing else is checked; for steps the ends are checked as
+    well, between which a run may be outside."""
     if fractions is None:
         ts = t1[None]
     else:
@@ -289,8 +289,8 @@ def _reach_and_first_step(
     plan: Array | None,
     individual_steps: bool,
 ) -> tuple[tuple[Array, Array] | None, float | None]:
-    """Where the steps begin and end, by default with the run, and the first of them, by default
-    an estimated one."""
+    """Start and end of the steps, by default those of the run, and the first step, by default an
+    estimated one."""
     if request.trimmed and plan is None and not individual_steps:
         # A short run, for which a single step is mostly short enough.
         return segments.reach(), 1.0

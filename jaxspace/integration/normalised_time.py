@@ -116,7 +116,7 @@ class Segments(eqx.Module):
         return jnp.maximum(jnp.diff(self.u, axis=0), 1e-6)
 
     def reach(self) -> tuple[Float[Array, "*#runs"], Float[Array, "*#runs"]]:
-        """The normalised times between which all segments with a length lie."""
+        """The normalised times that bound all segments of non-zero length."""
         filled = jnp.diff(self.u, axis=0) > 0.0
         last = len(self) - jnp.argmax(filled[::-1], axis=0)
         first = jnp.where(jnp.any(filled, axis=0), jnp.argmax(filled, axis=0), last)
@@ -236,8 +236,8 @@ class ScaledVectorField(eqx.Module, Generic[Clock]):
 
 @final
 class PartOfField(eqx.Module):
-    """A vector field in the time of a step from 0 to 1, of which each run takes its own part: from
-    `s` on, `length` long in normalised time."""
+    """A vector field in the time of a step from 0 to 1, with an individual interval for each run:
+    from `s` on, `length` long in normalised time."""
 
     field: ScaledField
     s: Float[Array, "*runs"]
@@ -277,8 +277,8 @@ class PartOfField(eqx.Module):
 def field_of_part(
     field: ScaledField, s: Scalar, length: Scalar
 ) -> tuple[ScaledField, StepTimes | None]:
-    """The vector field of a step from 0 to 1, of which each run takes its own part: from `s` on,
-    `length` long in normalised time; and its times, if the field is not hoisted."""
+    """The vector field of a step from 0 to 1, with an individual interval for each run: from `s`
+    on, `length` long in normalised time; and its times, if the field is not hoisted."""
     if not isinstance(field, ScaledVectorField):
         return PartOfField(field, s, length), None
     zero, one = jnp.zeros_like(s, shape=()), jnp.ones_like(s, shape=())
@@ -300,8 +300,8 @@ def hoist(
     - `needs`: the capability by which the solver integrates: "split", "regularised" or "".
     - `runs`: the shape of the normalised times at which it is evaluated.
 
-    **Returns** the field itself if no function of it closes over traced arrays: it then keeps the
-    layout of its parameters, which the batching of mapped runs reads."""
+    **Returns** the field itself if no function of it closes over traced arrays: it then preserves
+    the layout of its parameters, which the batching of mapped runs reads."""
     if not field_trace(field.system, field.segments.t0, y0).closes_over_tracers:
         return field
     s = jnp.zeros_like(field.segments.total, shape=runs)

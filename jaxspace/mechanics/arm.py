@@ -65,7 +65,7 @@ class ArmPendulum(AbstractSystem):
 
     @property
     def poles(self) -> Complex[Array, "2 *#runs"]:
-        """Both roots s of the motion z = e^(s t), 1/s."""
+        """The roots s of the motion z = e^(s t), 1/s."""
         p, zeta, w = jnp.broadcast_arrays(self.frequency, self.damping_ratio, self.rate)
         half = jax.lax.complex(zeta * p, w)
         # -(p^2 - w^2) + half^2, in which w^2 has cancelled.

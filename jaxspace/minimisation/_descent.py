@@ -206,7 +206,7 @@ def _after_evaluation(
 
 
 def _started(s: DescentState, found: Evaluation, setting: Setting) -> DescentState:
-    """At the start: the scales, and the error of the gradient where it was probed."""
+    """The start of the search: the scales, and the error of the gradient where it was probed."""
     first = s.calls == 0
     weight = weights(found.values, found.jacobian)
     weight = jnp.where(first, weight, s.weight)

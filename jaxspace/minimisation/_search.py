@@ -58,7 +58,7 @@ def search(
 ) -> Minimum:
     """The minimum of a scaled problem; the arguments are those of `minimise`, `check` says whether
     the gradient at the start is compared with differences, `before` is the search to
-    continue, `store` keeps its state, and `ratio` decides the mode of differentiation."""
+    continue, `store` saves its state, and `ratio` determines the mode of differentiation."""
     z0 = scaled.start
     least = jnp.asarray(tolerance, z0.dtype)
     by_programmes = optimiser == SQP

@@ -5,9 +5,8 @@
     U   = u_0 + sqrt(V^2 - c^2),   c = |W_1| + |W_2|,   V_1/V_2 = |W_1|/|W_2|
 
 The vertical parts bring the rocket to the height Y with no vertical velocity there; the rest of V
-goes into the horizontal velocity U, and both impulses have the same slope. For a given T the
-propellant is split. If T is free, the least c is at a corner of |W_1| + |W_2|, where one impulse
-vanishes.
+is the horizontal velocity U, and both impulses have the same slope. For a given T the propellant is
+split. If T is free, the least c is at a corner of |W_1| + |W_2|, where one impulse vanishes.
 
     D > 0    at the start:  T = sqrt(2 D/g),                  c = |sqrt(2 g D) - w_0|
     D < 0    at the end:    T = [w_0 + sqrt(w_0^2 - 2 g D)]/g,  c = sqrt(w_0^2 - 2 g D)

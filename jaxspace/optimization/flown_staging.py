@@ -5,8 +5,8 @@ with engines of given thrust, for the least initial mass.
     S_i: stage without its fixed mass, b_i S_i of it structure   t_i = (1 - b_i) S_i u_i/F_i
 
 A rocket rises vertically for a while, is tilted by the angle of the kick, and flies a gravity turn
-through the burns of its stages. Longer burns lose more: the lower stages become smaller than in
-`optimal_staging`, which has no losses, and the path flatter.
+through the burns of its stages. Longer burns have larger losses: the lower stages become smaller
+than in `optimal_staging`, which has no losses, and the path flatter.
 
     symbol   meaning                                                      unit
     S_i      mass of stage i without its fixed mass, at least zero        kg

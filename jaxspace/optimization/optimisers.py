@@ -1,6 +1,6 @@
 """Optimisers of optax with the settings that a search of this package has use for, by name.
 
-    "sqp"      quadratic programmes: no optimiser of optax, but a name of `minimise`
+    "sqp"      quadratic programmes: not an optimiser of optax, but a name of `minimise`
     "lbfgs"    L-BFGS with a line search by strong Wolfe conditions; takes no rate
     "adam", "adamw", "nadam", "rmsprop", "sgd"     steps of a rate that falls by a cosine
 

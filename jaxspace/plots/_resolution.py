@@ -17,10 +17,10 @@ A run that is not resolved is evaluated again (`Trajectory.with_steps`), at the 
 and between them, and each interval is divided until the error of a line between its ends is below a
 thousandth of the range of the component (`_refinement`). Only a closed loop cannot be repeated.
 
-The derivative of a rigid body's velocity needs its vector field, whose program takes longer than a
-figure. It is not needed where the position changes by the integral of the velocity as it was saved:
-a motion of the velocity between two times would show in the position. So does one of the angular
-velocity in the attitude.
+The derivative of a rigid body's velocity needs its vector field, whose compilation takes longer
+than a figure. It is not needed where the position changes by the integral of the velocity as it was
+saved: a motion of the velocity between two times would show in the position. So does one of the
+angular velocity in the attitude.
 """
 
 import math

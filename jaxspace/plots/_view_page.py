@@ -41,7 +41,8 @@ NAMES = {"axis": "body axis z", "rate": "angular velocity", "momentum": "angular
 SIGNS = {"orbit": "path", "axis": "z", "rate": "ω", "momentum": "H"}
 """Labels of the controls and arrow tips: short, so that the controls fit on one line."""
 LENGTHS = {"axis": 1.3, "rate": 1.5, "momentum": 1.75}
-"""Of the arrows, in half-lengths of the body: beyond it, and so that those on one line are seen."""
+"""Lengths of the arrows, in half-lengths of the body: beyond it, and so that collinear ones are
+visible."""
 SPEEDS = {"0.1": "1/10", "0.25": "1/4", "0.5": "1/2", "1": "1", "2": "2", "4": "4", "10": "10"}
 
 
@@ -61,9 +62,9 @@ def view_page(
     has its graticule, and the Earth its coasts: the run has no date, so Greenwich is along X at t =
     0. Drag to look from elsewhere. The view interpolates between frames that are close enough for a
     line between them: where the saved times are not, the run is evaluated between them, by its
-    closed form, by its steps (`dense=True`), or by repeating it. Of a motion that takes more than
-    10,000 frames, such as a spin of many thousand turns, the page shows the frames only, with a
-    note. It also reports motion that is too fast to display at the playback speed.
+    closed form, by its steps (`dense=True`), or by repeating it. For a motion that requires more
+    than 10,000 frames, such as a spin of many thousand turns, the page shows the frames only, with
+    a note. It also reports motion that is too fast to display at the playback speed.
 
     **Arguments**
 

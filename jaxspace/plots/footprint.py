@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from ..statistics import Dispersion, Footprint
 
 SECTORS = 16
-"""Of the rose: those of a compass with names such as NNE."""
+"""Directions of the rose: those of a compass with names such as NNE."""
 CLASSES = 4
-"""Of the speed of the wind."""
+"""Classes of the wind speed."""
 
 
 def wind_rose(east: ArrayLike, north: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

@@ -140,7 +140,7 @@ def store_of(
 
 
 def progress_of(problem: Problem, progress: Progress | None) -> Progress | None:
-    """The `progress` with the objective in its own sign."""
+    """The `progress` with the original sign of the objective."""
     if progress is None:
         return None
     return lambda step, objective, *rest: progress(step, problem.sign * objective, *rest)

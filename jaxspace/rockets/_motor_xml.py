@@ -94,7 +94,7 @@ def read_engine(path: Path, text: str) -> Engine:
 
     **Arguments**
 
-    - `path`: of the file, for sentences; `text`: what it contains.
+    - `path`: of the file, for sentences; `text`: its content.
 
     **Raises** `InputError` for invalid XML, a missing engine, or an engine without its numbers."""
     reader = _Reader(path)

@@ -158,7 +158,7 @@ class FixedDirection(AbstractSteering):
     """A thrust along a fixed direction."""
 
     along: Float[Array, "3 *#runs"] = quantity(
-        "", direction=True, doc="in inertial axes, of any length but zero"
+        "", direction=True, doc="in inertial axes, of non-zero length"
     )
 
     def direction(self, t: Scalar, y: BodyState) -> Vector:

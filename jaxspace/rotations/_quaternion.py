@@ -59,7 +59,7 @@ class Quaternion(AbstractGroupElement):
         the rate of a quaternion may be zero."""
         if is_concrete(self.wxyz):
             q = np.asarray(self.wxyz)
-            check(np.any(q != 0.0, axis=0), "Quaternion.wxyz", q, "of another length than zero")
+            check(np.any(q != 0.0, axis=0), "Quaternion.wxyz", q, "of non-zero length")
 
     @classmethod
     def identity(cls) -> "Quaternion":
@@ -84,7 +84,7 @@ class Quaternion(AbstractGroupElement):
 
     @classmethod
     def from_axis_angle(cls, axis: Vector, angle: Scalar) -> "Quaternion":
-        """The turn about `axis`, (3, *runs), of any length but zero, through `angle`, rad, of any
+        """The turn about `axis`, (3, *runs), of non-zero length, through `angle`, rad, of any
         size."""
         check_components("Quaternion.from_axis_angle: axis", axis, 3)
         angle = jnp.asarray(angle)
@@ -254,7 +254,7 @@ def _product(a: Sequence[Scalar], b: Sequence[Scalar | None]) -> Float[Array, "4
 
 @jax.custom_jvp
 def _direction(u: Vector) -> Vector:
-    """u / |u|, for a vector of any length but zero."""
+    """u / |u|, for a vector of non-zero length."""
     return u / norm(u)
 
 

@@ -42,7 +42,7 @@ class Instant(NamedTuple):
         return cls(Simultaneous(no, no, zeros, zeros, zeros), no, no, no)
 
     def start_known(self) -> Float[Array, "events *#runs"]:
-        """What is known of the conditions where the run goes on, as in `first_event`."""
+        """The known state of the conditions where the run continues, as in `first_event`."""
         sign = jnp.where(self.events.zero, 1.0, -1.0).astype(self.events.values.dtype)
         return jnp.where(self.kept, sign * jnp.inf, 0.0)
 

@@ -79,7 +79,7 @@ class Summary(NamedTuple):
         return "\n".join([self.title, *lines])
 
     def html(self) -> str:
-        """The same for a notebook."""
+        """HTML form for notebooks."""
         parts = [html_table(self.facts, left=2, head=False)] if self.facts else []
         parts += [html_table(table, left=2) for table in self.tables]
         return f"<div><b>{html.escape(self.title)}</b>{''.join(parts)}</div>"

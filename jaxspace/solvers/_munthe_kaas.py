@@ -92,7 +92,7 @@ class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     end of a step.
 
     Order, steps and dense output are those of the inner method, which starts again in every step:
-    Tsit5 takes seven evaluations instead of six. Errors are raised as by the inner method."""
+    Tsit5 requires seven evaluations instead of six. Errors are raised as by the inner method."""
 
     solver: diffrax.AbstractSolver = DOP853()
     term_structure: ClassVar = diffrax.ODETerm

@@ -122,7 +122,7 @@ def _blocks(steps: int) -> tuple[int, int]:
 
 
 def _schedule(steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """For each block the number of remaining blocks, itself included, and whether the step is
+    """For each block the number of remaining blocks, including itself, and whether the step is
     predicted.
 
     The blocks that land have the numbers 0, -1, -2."""

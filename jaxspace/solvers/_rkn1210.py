@@ -131,9 +131,9 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     embedded error of order 10.
 
     For states of a position and a velocity whose acceleration does not depend on the velocity; a
-    run in which it does ends at once with the status of a run that is not finite. A step takes
-    seventeen evaluations; in a run with save times eighteen, and 36 more if states are saved within
-    it. These states are as accurate as the steps.
+    run in which it does ends at once with the status of a run that is not finite. A step requires
+    seventeen evaluations; in a run with save times eighteen, and 36 more if interior states are
+    saved. These states are as accurate as the steps.
 
     **Arguments**
 

@@ -140,7 +140,7 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
     """The method of Dormand and Prince of order 8, with embedded errors of orders 5 and 3 and dense
     output of order 7.
 
-    A step takes twelve evaluations, and four more if states are saved within it.
+    A step requires twelve evaluations, and four more if interior states are saved.
 
     **Arguments**
 
@@ -234,7 +234,7 @@ class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
     """The method of Tsitouras of order 5, with an embedded error of order 4 and dense output of
     order 4.
 
-    A step takes six evaluations: its last stage is the first one of the next step, unless the
+    A step requires six evaluations: its last stage is the first one of the next step, unless the
     vector field jumps between them.
 
     **Arguments**

@@ -57,8 +57,8 @@ class Splitting(AbstractFieldSolver, AbstractFixedStep):
     **Arguments**
 
     - `order`: 2, 4 or 6; or (8, 2), whose error is the kick times h^8 and its square times h^2, or
-      (8, 6, 4), in which its square has h^6 and its cube h^4. A step takes 1, 5, 7, 4 and 7 kicks.
-      The estimate assumes the lowest of the orders.
+      (8, 6, 4), in which its square has h^6 and its cube h^4. A step requires 1, 5, 7, 4 and 7
+      kicks. The estimate assumes the lowest of the orders.
     - `steps`: in each segment; even, and at least 2.
     - `estimate`: whether the error is estimated. Without it no status reports too few steps.
 

@@ -99,8 +99,8 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
         return self
 
     def longer(self, carried: PyTree, factor: Float[Array, "*runs"]) -> PyTree:
-        """What a step carries into the next one, which is longer by a `factor`, where each step is
-        taken from 0 to 1."""
+        """The carry of a step into the next one, which is longer by a `factor`, where each step is
+        from 0 to 1."""
         del factor
         return carried
 

@@ -161,7 +161,7 @@ class Dispersion(HashedModule):
     def where(
         self, condition: ArrayLike | Callable[[Mapping[str, np.ndarray]], ArrayLike]
     ) -> "Dispersion":
-        """The runs that meet a condition, with their numbers, as a dispersion of its own.
+        """The runs that satisfy a condition, with their numbers, as a separate dispersion.
 
         Its tables, requirements, verdicts, figures and page are those of the selected runs. A
         condition on an input splits the campaign: `result.where(lambda v: v["wind"] > 5.0)`. After
@@ -349,7 +349,7 @@ class Dispersion(HashedModule):
         return clopper_pearson(int(np.count_nonzero(~met)), self.runs, confidence)
 
     def violations(self) -> dict[str, Probability]:
-        """Probability, for each output, that its requirement is not met (`violation`), with the
+        """Probability, for each output, that its requirement is violated (`violation`), with the
         confidence of the requirement."""
         return {
             name: self.violation(
@@ -363,8 +363,8 @@ class Dispersion(HashedModule):
 
     @property
     def verdicts(self) -> dict[str, Verdict]:
-        """Whether the runs show that a requirement is met, for each output with an allowed share of
-        violations: "pass", "fail" or "not yet known"."""
+        """Whether the runs show that a requirement is satisfied, for each output with an allowed
+        share of violations: "pass", "fail" or "not yet known"."""
         violations = self.violations()
         return {
             name: verdict_of(violations[name], required.allowed)

@@ -83,7 +83,7 @@ class VerdictChange(NamedTuple):
 
 
 class CampaignComparison(NamedTuple):
-    """What differs between two campaigns; printing it shows all tables.
+    """Differences between two campaigns; printing it shows all tables.
 
     - `settings`: the settings that differ.
     - `lines`: changed lines of the scene file, with "-" for the first and "+" for the second.
@@ -157,7 +157,7 @@ def compare(
     - `confidence`: of the intervals.
 
     **Raises** `InputError` for a confidence outside (0, 1), if the campaigns have no output in
-    common, and if no run number is in both although the runs are to be paired."""
+    common, and if no run number is in both although paired runs are requested."""
     check_share("confidence", confidence)
     if paired is None:
         paired = before.seed == after.seed

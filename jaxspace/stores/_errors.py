@@ -9,4 +9,4 @@ class StoreError(InputError):
 
 
 class DamagedStore(UserWarning):
-    """Files of a store differ from what was written; the message names them."""
+    """Corrupted files of a store; the message names them."""

@@ -25,7 +25,7 @@ UNREADABLE = (OSError, ValueError, RecursionError)
 
 
 def sealed(head: bytes) -> bytes:
-    """The copy of a head: the checksum in a line of its own, then the head."""
+    """The copy of a head: the checksum on a separate line, then the head."""
     return hashlib.sha256(head).hexdigest().encode() + b"\n" + head
 
 

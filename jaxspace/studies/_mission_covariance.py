@@ -61,7 +61,7 @@ class _OfMean(eqx.Module):
 
 @final
 class _Mapped(eqx.Module):
-    """The jump of a phase, for a mean and its covariance; `after` moves behind it."""
+    """The jump of a phase, applied to a mean and its covariance; `after` moves behind it."""
 
     phase: Phase
     after: Uncertain | None

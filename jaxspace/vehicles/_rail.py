@@ -27,7 +27,7 @@ class Rail(AbstractEffect):
     """A smooth launch rail from the origin of the axes, which rests in them. It is left when the
     travel exceeds its length: the phase's event `rail_exit`."""
 
-    direction: Float[Array, "3 *#runs"] = quantity("", direction=True, doc="of any length but zero")
+    direction: Float[Array, "3 *#runs"] = quantity("", direction=True, doc="of non-zero length")
     length: NumberField = quantity("m", positive=True, doc="travel along the rail")
     origin: Float[Array, "3 *#runs"] = quantity(
         "m", default=(0.0, 0.0, 0.0), doc="where the centre of mass rests before the launch"

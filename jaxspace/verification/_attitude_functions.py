@@ -52,7 +52,7 @@ def cubic_period(x: Array) -> Array:
 
 
 def steady_rates(x: Array) -> Array:
-    """Both steady precessions from A, C, W l, the angle and n."""
+    """Steady precession rates from A, C, W l, the angle and n."""
     return jnp.stack(Top(x[0], x[1], x[2]).steady_precession_rates(x[3], x[4]))
 
 

@@ -43,8 +43,8 @@ RUNS = 3
 @final
 @dataclass(frozen=True)
 class Law:
-    """One law: its `name`, the `error` found, what is `allowed`, and a `note` where it does not
-    apply."""
+    """One law: its `name`, the measured `error`, the `allowed` error, and a `note` where it does
+    not apply."""
 
     name: str
     error: float

@@ -56,14 +56,14 @@ def tilt(x: Array) -> Array:
 
 
 def transfer(x: Array) -> Array:
-    """Both velocities from both places, duration and mu; the short way."""
+    """Velocities at both ends from both positions, duration and mu; the short way."""
     normal = jnp.cross(x[:3], x[3:6])
     # The normal of both places, so that every case is the short way, whichever plane it has.
     return jnp.concatenate(lambert(x[:3], x[3:6], x[6], x[7], normal=normal))
 
 
 def late_transfer(x: Array) -> Array:
-    """The same after one whole revolution."""
+    """The same transfer after one whole revolution."""
     normal = jnp.cross(x[:3], x[3:6])
     return jnp.concatenate(lambert(x[:3], x[3:6], x[6], x[7], normal=normal, revolutions=1))
 

@@ -229,7 +229,7 @@ def read_task(file: Parsed, units: WrittenUnits) -> tuple[Task | None, list[str]
 
 
 def _over_errors(task: Task, goal: str, file: Parsed) -> list[str]:
-    """What does not fit the runs that the task is about."""
+    """Errors of entries incompatible with the runs of the task."""
     if not task.dispersed:
         table = file.values["optimize"]
         entries = {f"optimize.{goal}": table[goal]}
@@ -275,7 +275,7 @@ def _output(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> Output
 
 
 def _of_runs(key: str, entry: Value, spec: OutputSpec, file: Parsed) -> RunStatistic | None:
-    """What is taken of an output over the runs. Raises `ValueError` with the complete message."""
+    """The statistic of an output over the runs. Raises `ValueError` with the complete message."""
     share = read_share(f"{key}.{SHARE}", entry.get(SHARE))
     if OF_RUNS not in entry:
         return None if share is None else RunStatistic(QUANTILE, share)
