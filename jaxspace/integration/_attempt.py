@@ -136,4 +136,4 @@ def carried_on(
 
 def error_order(settings: LoopSettings) -> Any:
     """The order of the estimate of the error."""
-    return settings.solver().error_order(TERM)
+    return settings.method.error_order(TERM)

@@ -69,8 +69,8 @@ class Integration(eqx.Module):
             # The estimate of the first step is another copy of the field.
             settings = dataclasses.replace(settings, first_step=settings.first_step or FIRST_STEP)
         probes = None
-        # Steps of a plan are not controlled.
-        if moving is not None and settings.derivative_control and settings.plan is None:
+        # Fixed steps are not controlled.
+        if moving is not None and settings.derivative_control and not settings.fixed_step:
             probes = Probes.of(field, y0, moving, settings.tolerance.run_axes)
         packing = self._packing
         if packing is not None:

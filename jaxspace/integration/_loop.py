@@ -2,7 +2,7 @@
 
 In an iteration each run makes one step, accepted or rejected, of individual length: the method
 steps from 0 to 1, which every run maps to its time interval (`StepTimes`). A run therefore does not
-depend on its neighbours. Runs with planned steps share their times.
+depend on its neighbours. Runs by a fixed-step method share their times.
 
 diffrax's own loop does the same work for one run. This one is traced once where diffrax's is traced
 three times, which halves the first call, and it records the steps for derivatives (`_record.py`).
@@ -159,8 +159,8 @@ def _first_step(
     settings: LoopSettings, field: ScaledField, t: Array, y0: State
 ) -> tuple[Float[Array, "*runs"], PyTree]:
     """The end of the first step of each run, and the state of the step control."""
-    if settings.plan is not None:
-        return settings.planned().plan[1], jnp.asarray(2)
+    if settings.fixed_step:
+        return t + 1.0, None
     part = field_of_part(field, t, jnp.ones_like(t))[0]
     t_next, steps = settings.controller().first(
         lambda ds, y: evaluate(TERM, ds, y, part), t, y0, error_order(settings)

@@ -11,8 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core import State
-from ..solvers.error_tracking import ErrorTrackingSolver
-from ..solvers.step_control import StepController, StepTo
+from ..solvers.step_control import StepController
 from ..solvers.tolerances import Tolerance
 from ._buffers import Buffers, SavedStates
 from ._event_location import SoughtEvents
@@ -28,14 +27,13 @@ class LoopSettings(eqx.Module):
     - `lengths`: of the segments, as fractions of the run.
     - `longest_steps`: the longest step allowed in each segment, in normalised time.
     - `save_ts`: the normalised times at which states are saved; `None` saves the last one.
-    - `plan`: the nodes of steps that are fixed beforehand: of a fixed-step method, or those of
-      diffrax's loop, chosen beforehand by this package's loop.
     - `reach`: normalised times between which all segments of nonzero length lie; `None` for the
       whole run.
-    - `record_steps`, `dense`: whether to return the ends of the steps, and the states there.
+    - `dense`: whether to return the ends of the steps, and the states there.
     - `sought`: the events that end the runs.
     - `first_step`: as in `StepController`.
-    - `together`: whether the runs share their times and steps, as those of a plan do.
+    - `fixed_step`: whether each segment is a step of the method, which is accepted in any case.
+    - `together`: whether the runs share their times, as those of fixed steps do.
     - `derivative_control`: as in `Accuracy`.
     - `sharing`: whether the runs share their steps in this attempt, where the record of a first one
       was full."""
@@ -45,14 +43,13 @@ class LoopSettings(eqx.Module):
     lengths: Float[Array, "segments *#runs"]
     longest_steps: Float[Array, "segments *#runs"] | None
     save_ts: Float[Array, "times *#runs"] | None
-    plan: Float[Array, " nodes"] | None
     reach: tuple[Float[Array, "*#runs"], Float[Array, "*#runs"]] | None
     max_steps: int = eqx.field(static=True)
-    record_steps: bool = eqx.field(static=True)
     dense: bool = eqx.field(static=True)
     sought: SoughtEvents | None = None
     first_step: float | None = eqx.field(static=True, default=None)
     derivative_control: bool = eqx.field(static=True, default=False)
+    fixed_step: bool = eqx.field(static=True, default=False)
     together: bool = eqx.field(static=True, default=False)
     sharing: Bool[Array, ""] | None = None
 
@@ -74,18 +71,9 @@ class LoopSettings(eqx.Module):
             return self.start
         return jnp.broadcast_to(self.start, self.tolerance.alive(y).shape)
 
-    def solver(self) -> ErrorTrackingSolver:
-        """The method, with the largest local error of each run in its state."""
-        return ErrorTrackingSolver(self.method, self.tolerance)
-
     def controller(self) -> StepController:
         """The control of adaptive steps."""
         return StepController(self.tolerance, self.lengths, self.longest_steps, self.first_step)
-
-    def planned(self) -> StepTo:
-        """The steps of the plan."""
-        assert self.plan is not None
-        return StepTo(self.plan.astype(self.lengths.dtype))
 
     def buffers(self, y: State, clock: Array, step: Array | None) -> Buffers:
         """Empty buffers for states like `y` and times like `clock`, and for a derivative for
@@ -95,12 +83,11 @@ class LoopSettings(eqx.Module):
         saved = ends = states = recording = None
         if self.save_ts is not None:
             saved = SavedStates.empty(self.save_ts, y, clock.shape)
-        if self.record_steps or self.dense:
-            stored = (clock, *jax.tree.leaves(y)) if self.dense else (clock,)
-            size = sum(x.size * x.dtype.itemsize for x in stored)
+        if self.dense:
+            size = sum(x.size * x.dtype.itemsize for x in (clock, *jax.tree.leaves(y)))
             check_memory("the steps of the run", limit, size)
             ends = jnp.zeros((limit, *clock.shape), clock.dtype)
-            states = empty_buffer(limit, y) if self.dense else None
+            states = empty_buffer(limit, y)
         if step is not None:
             shared = False if self.sharing is None else self.sharing
             recording = Recording.empty(self.layout(y, step), shared)
@@ -114,8 +101,8 @@ class LoopSettings(eqx.Module):
 
     @property
     def _is_free(self) -> bool:
-        """Whether the steps are those of each run, and not planned or taken together."""
-        return self.plan is None and not self.together
+        """Whether the steps are those of each run, and not fixed."""
+        return not self.fixed_step
 
     def shared(self, now: Bool[Array, ""]) -> "LoopSettings":
         """The settings of runs that share their steps `now`, or do not."""

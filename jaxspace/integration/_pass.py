@@ -116,19 +116,12 @@ def _limiting(
 
 
 def _following(settings: LoopSettings, loop: LoopState, error: Array) -> Following:
-    """The next step of each run, from the control or the plan."""
-    if settings.plan is None:
-        order = error_order(settings)
-        controller = settings.controller()
-        if settings.together:
-            # A run that is no longer finite is marked in its status, and the others continue.
-            error = jnp.where(settings.tolerance.alive(loop.y), error, 0.0)
-        return controller.following(loop.t, loop.t_next, error, order, loop.control)
-    planned = settings.planned().adapt_step_size(
-        loop.t, loop.t_next, loop.y, loop.y, None, None, None, loop.control
-    )
-    accept, start, end, jumped, state, _ = planned
-    return Following(jnp.asarray(accept), start, end, jnp.asarray(jumped), state)
+    """The next step of each run, from the control or of fixed length."""
+    if settings.fixed_step:
+        yes = jnp.ones_like(loop.t, bool)
+        return Following(yes, loop.t_next, loop.t_next + 1.0, yes, loop.control)
+    order = error_order(settings)
+    return settings.controller().following(loop.t, loop.t_next, error, order, loop.control)
 
 
 class Stop(NamedTuple):

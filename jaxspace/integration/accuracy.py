@@ -60,13 +60,10 @@ class Accuracy(AbstractParameters):
     - `atol`: in the unit of the block, by default a thousandth of `rtol`. It matters only for a
       block that is close to zero.
     - `method`: `"auto"` (see `select_method`), `"closed_form"`, or a diffrax solver with an error
-      estimate. A fixed-step method uses its given number of steps. If their error
-      exceeds the tolerance, the run is repeated with up to eight times as many, except under `jit`,
-      in derivatives of a batch and in missions.
-    - `adjoint`: `None` differentiates along the recorded steps, in forward and in reverse mode. The
-      alternatives are diffrax's `RecursiveCheckpointAdjoint` (reverse mode only), `DirectAdjoint`
-      and `ForwardMode`. With these a run takes twice as long, because one pass chooses the steps
-      and a second one performs them.
+      estimate whose steps start from the state alone, such as every Runge-Kutta method. A
+      fixed-step method uses its given number of steps. If their error exceeds the tolerance, the
+      run is repeated with up to eight times as many, except under `jit`, in derivatives of a batch
+      and in missions.
     - `max_steps`: maximum number of steps of a run. Reverse mode allocates memory for all of them:
       one number per step, or two per step and run with `AdaptiveRegularised`, where a short run is
       differentiated several times faster with a smaller limit. A run that would need more than half
@@ -83,8 +80,8 @@ class Accuracy(AbstractParameters):
     - `derivative_control`: whether the step control of a run that is differentiated looks at its
       derivatives too, and repeats the run with shorter steps where those of the motion do not
       resolve them: at or near an equilibrium, or where a parameter that is zero leaves nothing to
-      resolve. Without it a gradient is slightly faster. Derivatives by `AdaptiveRegularised`, by
-      methods of fixed steps and by the adjoints of diffrax use steps chosen from the motion only.
+      resolve. Without it a gradient is slightly faster. Derivatives by `AdaptiveRegularised` and by
+      fixed-step methods use steps chosen from the motion only.
     - `chosen_at`: the largest tolerance for which "auto" chooses the method; by default `rtol`, and
       above 1e-5 it is another one. With it runs at several tolerances are one program.
 
@@ -108,7 +105,6 @@ class Accuracy(AbstractParameters):
         doc="absolute tolerance of each step",
     )
     method: diffrax.AbstractSolver | str = eqx.field(default="auto", converter=as_method)
-    adjoint: diffrax.AbstractAdjoint | None = None
     max_steps: int = eqx.field(static=True, default=16384)
     max_step: Scalar | None = quantity(
         "s", positive=True, optional=True, converter=_known_float, doc="longest step"
@@ -177,14 +173,6 @@ def as_accuracy(accuracy: Any) -> Accuracy:
     """An `Accuracy` from itself, from a relative tolerance, or the default one."""
     if isinstance(accuracy, Accuracy):
         _check_kind("method", accuracy.method, str | diffrax.AbstractSolver, "a solver")
-        kinds = None | diffrax.AbstractAdjoint
-        _check_kind("adjoint", accuracy.adjoint, kinds, "None or an adjoint of diffrax")
-        if isinstance(accuracy.adjoint, diffrax.BacksolveAdjoint | diffrax.ImplicitAdjoint):
-            raise InputError(
-                f"Accuracy.adjoint is {type(accuracy.adjoint).__name__}, which does not "
-                "differentiate the steps of the run: omit it, Accuracy(), or use "
-                "RecursiveCheckpointAdjoint, DirectAdjoint or ForwardMode."
-            )
         _check_kind("decoupled", accuracy.decoupled, bool | None, "True, False or None")
         _check_kind("derivative_control", accuracy.derivative_control, bool, "True or False")
         _check_kind("max_steps", accuracy.max_steps, int | np.integer, "a whole number")

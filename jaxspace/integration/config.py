@@ -1,4 +1,4 @@
-"""Configuration of one integration, resolved once: method, tolerances, limits, adjoint.
+"""Configuration of one integration, resolved once: method, tolerances, limits.
 
 `resolve` is the only place that decides. It rejects invalid settings before anything is compiled;
 later code relies on the validated configuration.
@@ -17,7 +17,7 @@ from jaxtyping import Array, DTypeLike, Float, PyTree
 
 from ..core import AbstractDecoupled, AbstractSystem, InputError, Scalar, check
 from ..core.checks import is_concrete
-from ..solvers.protocol import SolverTraits, refine, small_program, solver_traits
+from ..solvers.protocol import carries_steps, refine, small_program, solver_traits
 from ._selection import has_closed_form, select_method
 from .accuracy import DEFAULT_RTOL, Accuracy, as_method, least_tolerance, state_dtype
 from .stiffness import InitialConditions
@@ -33,14 +33,13 @@ class IntegrationConfig(eqx.Module):
     - `rtol`, `atol`: tolerances in the precision of the state; in a batch each run may have
       individual ones.
     - `method`: a solver, or "closed_form".
-    - `adjoint`, `max_steps`, `max_step`, `derivative_control`: as in `Accuracy`.
+    - `max_steps`, `max_step`, `derivative_control`: as in `Accuracy`.
     - `decoupled`: whether the exact part of the motion (`AbstractSystem.decoupled`) is computed
       separately, and the `method` integrates the rest."""
 
     rtol: Float[Array | np.ndarray, "*runs"]
     atol: Float[Array | np.ndarray, "*runs"]
     method: diffrax.AbstractSolver | str = eqx.field(converter=as_method)
-    adjoint: diffrax.AbstractAdjoint | None
     max_steps: int = eqx.field(static=True)
     max_step: Float[Array | np.ndarray, ""] | None
     decoupled: bool = eqx.field(static=True, default=False)
@@ -139,22 +138,14 @@ def resolve(
     if method == "auto":
         # The rules have checked the needs of the method already.
         method = select_method(system, y0, known_rtol, starts=starts)
-        if accuracy.adjoint is not None and solver_traits_of(method).individual_steps:
-            method = select_method(system, y0, known_rtol)
     else:
         _check_needs(system, method)
-        if accuracy.adjoint is not None and solver_traits_of(method).individual_steps:
-            name = type(method).__name__
-            raise InputError(
-                f"Accuracy.adjoint is given with {name}, whose steps diffrax cannot perform: omit "
-                "it, or use another method."
-            )
+        _check_one_step(system, y0, method)
     atol = 1e-3 * rtol if accuracy.atol is None else accuracy.atol
     return IntegrationConfig(
         _in_precision(rtol, dtype),
         _in_precision(atol, dtype),
         method,
-        accuracy.adjoint,
         accuracy.max_steps,
         None if accuracy.max_step is None else _in_precision(accuracy.max_step, dtype),
         decoupled=decoupled is not None,
@@ -189,9 +180,18 @@ def _starts_of_rest(
     return of_rest
 
 
-def solver_traits_of(method: diffrax.AbstractSolver | str) -> SolverTraits:
-    """The traits of a method; a closed form has the default ones."""
-    return SolverTraits() if isinstance(method, str) else solver_traits(method)
+def _check_one_step(
+    system: AbstractSystem, y0: PyTree, method: diffrax.AbstractSolver | str
+) -> None:
+    """Raise `InputError` for a method whose steps depend on those before: derivatives repeat each
+    step from the state before it, which must be all that it starts from."""
+    if not isinstance(method, str) and carries_steps(method, system.vector_field, y0):
+        raise InputError(
+            f"Accuracy.method is {type(method).__name__}, whose steps depend on the steps before "
+            "them: it must be a method of jaxspace, a Runge-Kutta method of diffrax or a solver "
+            "whose `init` returns None. diffrax.diffeqsolve integrates system.vector_field by any "
+            "other."
+        )
 
 
 def _in_precision(x: Scalar | np.ndarray, dtype: DTypeLike) -> Float[Array | np.ndarray, "*runs"]:

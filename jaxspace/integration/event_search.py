@@ -10,8 +10,6 @@ not converge, a condition that is not finite, and events that follow each other 
 resolves each have a status.
 """
 
-import dataclasses
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -46,8 +44,6 @@ def first_event(
     `Event.at_start`; minus infinity where it is not a zero, however small; 0 where the search
     decides, by the rounding of the condition."""
     system, y0, t0, t1, events = jax.tree.map(fixed, (system, y0, t0, t1, events))
-    # No adjoint, because nothing is differentiated.
-    config = dataclasses.replace(config, adjoint=None)
     if config.method == "closed_form":
         return _first_on_flow(system, y0, t0, t1, events, run_axes, start_known)
     if locates_events(config, system, y0, t0):

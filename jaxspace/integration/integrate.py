@@ -18,12 +18,11 @@ from ..core.barrier import barrier
 from ..core.jit import quick_jit
 from ..core.tables import breaks_of
 from ..solvers.dense_output import AbstractDenseOutput
-from ..solvers.protocol import bind, field_of_step, for_second_order, solver_traits
+from ..solvers.protocol import SolverTraits, bind, field_of_step, for_second_order, solver_traits
 from ..solvers.regularised_step import evaluations_of
 from ..solvers.step_control import FIRST_STEP
 from ..solvers.tolerances import Tolerance
 from ..solvers.vector_field import TERM
-from ._by_diffrax import solve_by_diffrax
 from ._event_location import SoughtEvents
 from ._exact import at_once, by_closed_form, joined
 from ._in_turn import in_turn
@@ -190,10 +189,6 @@ def _outcome(
     traits = solver_traits(config.solver)
     if traits.individual_steps:
         return solve_individual_steps(hoist(field, y0, traits.needs), y0, settings)
-    if config.adjoint is not None or not traits.replayable:
-        # Adjoints of diffrax, and methods that carry more than a state, need its loop.
-        hoisted = hoist(field, y0, traits.needs)
-        return solve_by_diffrax(hoisted, y0, settings, config.adjoint), None
     # Where events are sought, `locates_events` has excluded closures over traced arrays.
     seen = field if request.until else hoist(field, y0, traits.needs, settings.clock(y0).shape)
     outcome = solve(seen, y0, settings)
@@ -216,10 +211,10 @@ def locates_events(
 
 def searches_steps(config: IntegrationConfig) -> bool:
     """Whether the steps of the method can be searched for events: they need a polynomial."""
-    if config.method == "closed_form" or config.adjoint is not None or config.decoupled:
+    if config.method == "closed_form" or config.decoupled:
         return False
     traits = solver_traits(config.solver)
-    if not traits.replayable or traits.individual_steps or traits.fixed_step:
+    if traits.individual_steps or traits.fixed_step:
         return False
     # Some solvers of diffrax make theirs by a partial function.
     interpolation = config.solver.interpolation_cls
@@ -250,7 +245,6 @@ def _settings(
         save_ts = ends if landing else segments.normalised(fractions.astype(ends.dtype))
     traits = solver_traits(config.solver)
     # The loop sees a fixed-step method as one that takes one step in each segment.
-    plan = ends if traits.fixed_step else None
     together = run_axes > 0 and traits.fixed_step
     max_steps = min(len(segments), config.max_steps) if traits.fixed_step else config.max_steps
     tolerance = Tolerance(config.rtol, config.atol, run_axes)
@@ -262,22 +256,19 @@ def _settings(
         run_axes=run_axes,
         searched=sought is not None,
     )
-    reach, first_step = _reach_and_first_step(
-        segments, request, sought, plan, traits.individual_steps
-    )
+    reach, first_step = _reach_and_first_step(segments, request, sought, traits)
     return LoopSettings(
         method,
         tolerance,
         *_lengths(segments, config.max_step, together),
         save_ts,
-        plan,
         reach,
         max_steps,
-        False,
         request.dense,
         sought,
         first_step=first_step,
         derivative_control=config.derivative_control,
+        fixed_step=traits.fixed_step,
         together=together,
     )
 
@@ -286,12 +277,11 @@ def _reach_and_first_step(
     segments: Segments,
     request: _Request,
     sought: SoughtEvents | None,
-    plan: Array | None,
-    individual_steps: bool,
+    traits: SolverTraits,
 ) -> tuple[tuple[Array, Array] | None, float | None]:
     """Start and end of the steps, by default those of the run, and the first step, by default an
     estimated one."""
-    if request.trimmed and plan is None and not individual_steps:
+    if request.trimmed and not traits.fixed_step and not traits.individual_steps:
         # A short run, for which a single step is mostly short enough.
         return segments.reach(), 1.0
     # The estimate would be another copy of the vector field in addition to that of the search.

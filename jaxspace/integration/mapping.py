@@ -167,10 +167,10 @@ def _field_axis(
 
 def _settings_axis(settings: LoopSettings, mapped: PyTree, size: int) -> LoopSettings:
     """The settings for a further axis of runs."""
-    rest = (mapped.plan, mapped.tolerance, mapped.method)
+    rest = (mapped.tolerance, mapped.method)
     if any(x is True for x in jax.tree.leaves(rest)):
         raise _CannotMap
-    # Tolerances and plans are one for all runs of a block.
+    # Tolerances are one for all runs of a block.
     axes = settings.tolerance.run_axes + 1
 
     def with_axis(x: Array, is_mapped: bool, rows: int) -> Array:

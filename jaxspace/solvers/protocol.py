@@ -19,10 +19,12 @@ __all__ = [
 ]
 
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import Literal, NamedTuple, TypeAlias, final
 
 import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix
@@ -41,8 +43,6 @@ output, the state of the solver, and whether the step succeeded."""
 class SolverTraits(NamedTuple):
     """Properties of a method that the integration loop uses.
 
-    - `replayable`: a step can be repeated from its initial state only. Derivatives along
-      recorded steps need this.
     - `lands_on_save_times`: it has no dense output, so that a step ends at every save time.
     - `fixed_step`: it uses a given number of steps in each segment; their error is compared with
       the tolerance afterwards.
@@ -55,7 +55,6 @@ class SolverTraits(NamedTuple):
       be packed into one vector.
     """
 
-    replayable: bool = True
     lands_on_save_times: bool = False
     fixed_step: bool = False
     needs: Literal["", "split", "regularised"] = ""
@@ -210,12 +209,24 @@ def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:
         return inner._replace(evaluations=calls * inner.evaluations)
     if isinstance(solver, AbstractDeclaredSolver):
         return solver.traits
+    return SolverTraits(evaluations=_evaluations(solver))
+
+
+def carries_steps(solver: diffrax.AbstractSolver, field: Callable[..., State], y0: State) -> bool:
+    """Whether a step of the solver depends on the steps before it, and not on the state alone.
+
+    **Arguments**
+
+    - `field`: the vector field (t, y). `y0`: an initial state, or its shapes."""
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        return carries_steps(solver.solver, field, y0)
     # A Runge-Kutta method of diffrax carries the derivative at the end of the step, which `init`
-    # can evaluate again. The carry of other solvers is unknown.
-    return SolverTraits(
-        replayable=isinstance(solver, diffrax.AbstractRungeKutta),
-        evaluations=_evaluations(solver),
-    )
+    # can evaluate again.
+    if isinstance(solver, AbstractDeclaredSolver | diffrax.AbstractRungeKutta):
+        return False
+    t, term = jnp.zeros(()), diffrax.ODETerm(lambda t, y, args: field(t, y))
+    carried = eqx.filter_eval_shape(lambda y: solver.init(term, t, t, y, None), y0)
+    return bool(jax.tree.leaves(carried))
 
 
 def _evaluations(solver: diffrax.AbstractSolver) -> int:
@@ -328,8 +339,8 @@ def for_second_order(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
 
 
 def forward_mode(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
-    """The same method with stages that forward mode can differentiate, as its adjoint in diffrax
-    sets them: by default those of diffrax support reverse mode only."""
+    """The same method with stages that forward mode can differentiate: by default those of diffrax
+    support reverse mode only."""
     if isinstance(solver, diffrax.AbstractWrappedSolver):
         return _wrapping(solver, forward_mode(solver.solver))
     if getattr(solver, "scan_kind", "") is not None:

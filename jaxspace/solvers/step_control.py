@@ -13,11 +13,10 @@ control).
 from collections.abc import Callable
 from typing import NamedTuple, final
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float
 
 from ..core import Scalar, State
 from ..core.barrier import barrier
@@ -38,16 +37,6 @@ SMALLEST_STEP = 1e-10
 FIRST_STEP = 1e-2
 
 VectorField = Callable[..., State]
-Decision = tuple[
-    Bool[Array, ""] | bool,
-    Float[Array, ""],
-    Float[Array, ""],
-    Bool[Array, ""] | bool,
-    PyTree,
-    diffrax.RESULTS,
-]
-"""The result of `adapt_step_size`: whether the step is accepted, start and end of the next one,
-whether the vector field may jump between them, the state of the controller, and the result."""
 
 
 class StepControl(NamedTuple):
@@ -77,8 +66,7 @@ class Following(NamedTuple):
 class StepController(eqx.Module):
     """Steps as long as the error of a run allows, which end on every whole number.
 
-    All that it computes is of each run by itself, whose times are (*runs,). Of runs that share
-    their times, the worst one decides.
+    All that it computes is of each run by itself, whose times are (*runs,).
 
     - `tolerance`: the allowed error of a step.
     - `lengths`: the relative lengths of the segments, of all runs or of each, so that the length of
@@ -119,7 +107,6 @@ class StepController(eqx.Module):
         tolerance."""
         before, begun, rejected = state
         ds = t1 - t0
-        errors = self._of_times(errors, t0)
         # In single precision, or after many segments, the rounding of the time is the limit.
         resolved = 16.0 * jnp.finfo(t0.dtype).eps * (1.0 + t0)
         smallest = jnp.maximum(SMALLEST_STEP, resolved).astype(t0.dtype)
@@ -157,10 +144,6 @@ class StepController(eqx.Module):
         # All that a step of many runs leaves is selected by them.
         return barrier(following) if self.tolerance.run_axes else following
 
-    def _of_times(self, x: Array, times: Array) -> Array:
-        """The numbers of each run, or the largest of them where all share the times."""
-        return jnp.max(x) if times.ndim < x.ndim else x
-
     def _end_of_step(self, s: Float[Array, "*runs"], ds: Array) -> Float[Array, "*runs"]:
         """The end of a step of about `ds` from `s`, at most at the next whole number."""
         node = jnp.floor(s) + 1.0
@@ -181,9 +164,6 @@ class StepController(eqx.Module):
         scale = jax.tree.map(tol.length, y0)
         d0 = tol.largest(y0, scale)
 
-        def least(x: Array) -> Array:
-            return jnp.min(x) if s.ndim < x.ndim else x
-
         def trial_length(f0: State) -> Float[Array, "*runs"]:
             d1 = tol.largest(f0, scale)
             safe = jnp.where(d1 > 0.0, d1, 1.0)
@@ -191,7 +171,7 @@ class StepController(eqx.Module):
             # At rest, or in a segment of no length.
             h0 = jnp.where(d1 == 0.0, 1.0, h0)
             h0 = jnp.where(jnp.isfinite(h0), h0, 1.0)
-            return jnp.minimum(least(h0), 1.0).astype(s.dtype)
+            return jnp.minimum(h0, 1.0).astype(s.dtype)
 
         def evaluate(i: Array, before: tuple[Array, State, State]) -> tuple[Array, State, State]:
             h, _, k = before
@@ -205,11 +185,11 @@ class StepController(eqx.Module):
         d1 = tol.largest(f0, scale)
         d2 = tol.largest(jax.tree.map(jnp.subtract, f1, f0), scale) / h0
         d = jnp.maximum(d1, d2)
-        worst = self._of_times(jnp.where(jnp.isfinite(d), d, 0.0), s)
+        d = jnp.where(jnp.isfinite(d), d, 0.0)
         h1 = jnp.where(
-            worst <= 1e-15,
+            d <= 1e-15,
             jnp.maximum(1e-6, h0),
-            (0.01 / jnp.where(worst > 0.0, worst, 1.0)) ** (1.0 / order),
+            (0.01 / jnp.where(d > 0.0, d, 1.0)) ** (1.0 / order),
         )
         ds = jnp.clip(jnp.minimum(100.0 * h0, h1), SMALLEST_STEP, 1.0)
         return jax.lax.stop_gradient(ds).astype(s.dtype)
@@ -225,49 +205,3 @@ def of_segment(values: Float[Array, "segments *#runs"], s: Float[Array, "*runs"]
         return values[index]
     rows = jnp.broadcast_to(values, (values.shape[0], *s.shape))
     return jnp.take_along_axis(rows, index[None], axis=0, mode="promise_in_bounds")[0]
-
-
-@final
-class StepTo(diffrax.AbstractStepSizeController):
-    """Steps that were fixed beforehand.
-
-    Unlike diffrax's controller of this name it reports a jump at every whole number.
-
-    - `plan`: start and ends of the steps in normalised time, with every whole number among them.
-    """
-
-    plan: Float[Array, " nodes"]
-
-    def wrap(self, direction: Int[Array, ""] | int) -> "StepTo":
-        del direction
-        return self
-
-    def init(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        dt0: None,
-        args: PyTree,
-        func: VectorField,
-        error_order: Scalar | None,
-    ) -> tuple[Float[Array, ""], Int[Array, ""]]:
-        del terms, t0, t1, y0, dt0, args, func, error_order
-        return self.plan[1], jnp.asarray(2)
-
-    def adapt_step_size(
-        self,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        y1_candidate: State,
-        args: PyTree,
-        y_error: State | None,
-        error_order: Scalar | None,
-        controller_state: Int[Array, ""],
-    ) -> Decision:
-        del t0, y0, y1_candidate, args, y_error, error_order
-        landed = t1 == jnp.round(t1)
-        end = self.plan[controller_state]
-        return True, t1, end, landed, controller_state + 1, diffrax.RESULTS.successful

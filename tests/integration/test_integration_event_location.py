@@ -1,7 +1,6 @@
 """Events that the steps of a run find by themselves: one program, every run of a batch at its own
 event, two zeros in one step, and conditions that no polynomial describes."""
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -212,30 +211,6 @@ def test_the_ground_by_every_method_that_has_polynomials(method):
     np.testing.assert_allclose(
         flight.states.position[2], height + speed * t - 0.5 * G * t * t, rtol=0, atol=1e-11
     )
-
-
-def test_a_search_takes_the_steps_of_the_library_whatever_the_adjoint():
-    """They locate the event, where diffrax's would be sampled."""
-    how = Accuracy(method=Tsit5(), adjoint=diffrax.RecursiveCheckpointAdjoint())
-    ts, events = jnp.array([0.0, 60.0]), (Event(GROUND.condition),)
-
-    def end(v):
-        run = simulate(Throw(), ball(10.0, v), ts, accuracy=how, events=events, throw=False)
-        return run.ts[-1]
-
-    assert integrations_in(end, 25.0) == ["integrate"]
-
-
-@pytest.mark.sweep
-def test_an_implicit_method_with_an_adjoint_ends_at_its_event():
-    """The adjoint is that of the run, and not of the search for its end."""
-    how = Accuracy(1e-6, method=diffrax.Kvaerno5(), adjoint=diffrax.RecursiveCheckpointAdjoint())
-    events, ts = (Event(GROUND.condition),), jnp.array([0.0, 60.0])
-    flight = simulate(Throw(), ball(10.0, 25.0), ts, accuracy=how, events=events)
-    assert flight.status == Status.EVENT
-    exact = (25.0 + np.sqrt(25.0**2 + 20.0 * G)) / G
-    # Ten tolerances, over a few steps.
-    np.testing.assert_allclose(flight.ts[-1], exact, rtol=1e-5)
 
 
 def test_every_run_of_a_batch_ends_at_its_own_event():

@@ -1,7 +1,6 @@
 """Adaptive steps in regularised variables: the truth is RKN 12(10), or DOP853, of tight tolerance
 in time and Cartesian variables, which shares neither the variables nor the steps."""
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -18,7 +17,7 @@ from jaxspace import (
     simulate_mission_batch,
 )
 from jaxspace.bodies import Load
-from jaxspace.core import AbstractSecondOrderForm, InputError
+from jaxspace.core import AbstractSecondOrderForm
 from jaxspace.core.vectors import dot
 from jaxspace.integration import select_method
 from jaxspace.orbits import Oblateness, PointGravity
@@ -190,12 +189,6 @@ def test_an_event_ends_it():
     assert runs[0].event == 0
     np.testing.assert_allclose(runs[0].ts[-1], runs[1].ts[-1], rtol=1e-11)
     assert difference(runs[0].final, runs[1].final) < 1e-10
-
-
-def test_it_refuses_the_adjoints_of_diffrax():
-    how = Accuracy(method=OWN, adjoint=diffrax.DirectAdjoint())
-    with pytest.raises(InputError, match="adjoint is given with AdaptiveRegularised"):
-        simulate(OBLATE, at_periapsis(0.7), TS, accuracy=how)
 
 
 def test_single_precision():

@@ -177,11 +177,10 @@ def test_a_step_costs_as_many_evaluations_as_declared(method):
 
 
 @pytest.mark.parametrize("method", ADAPTIVE, ids=repr)
-def test_a_replayable_step_needs_only_the_state_before_it(method):
+def test_a_step_needs_only_the_state_before_it(method):
     middle, _, state = step(method, 0.0, 0.1)
     carried = step(method, 0.1, 0.2, middle, state)[0]
     repeated = step(method, 0.1, 0.2, middle)[0]
-    assert solver_traits(method).replayable
     # Some roundings: Tsit5 evaluates its first stage in another program.
     assert far(carried, repeated) < 1e-14
 
@@ -207,26 +206,24 @@ def test_a_regularised_step_sees_the_perturbation_within_the_segment_only():
 
 def test_traits_of_the_room():
     kinds = {
-        method: solver_traits(method)[:4]
+        method: solver_traits(method)[:3]
         for method in (DOP853(), Tsit5(), RKN1210(), ExponentialRosenbrock(), MuntheKaas())
     }
-    assert kinds.pop(ExponentialRosenbrock()) == (True, True, False, "")
-    assert set(kinds.values()) == {(True, False, False, "")}
-    assert solver_traits(Stormer(steps=30))[:4] == (True, False, True, "")
-    assert solver_traits(Splitting(steps=30))[:4] == (True, True, True, "split")
-    assert solver_traits(Regularised(steps=32))[:4] == (True, True, True, "regularised")
+    assert kinds.pop(ExponentialRosenbrock()) == (True, False, "")
+    assert set(kinds.values()) == {(False, False, "")}
+    assert solver_traits(Stormer(steps=30))[:3] == (False, True, "")
+    assert solver_traits(Splitting(steps=30))[:3] == (True, True, "split")
+    assert solver_traits(Regularised(steps=32))[:3] == (True, True, "regularised")
     assert solver_traits(MuntheKaas(ExponentialRosenbrock())).lands_on_save_times
 
 
 def test_traits_of_the_solvers_of_diffrax():
-    assert solver_traits(diffrax.Dopri8()) == (True, False, False, "", 13, 1, False, False)
+    assert solver_traits(diffrax.Dopri8()) == (False, False, "", 13, 1, False, False)
     # The last of the seven stages is the first one of the next step.
-    assert solver_traits(diffrax.Tsit5()) == (True, False, False, "", 6, 1, False, False)
-    # It carries the step before.
-    assert not solver_traits(diffrax.LeapfrogMidpoint()).replayable
+    assert solver_traits(diffrax.Tsit5()) == (False, False, "", 6, 1, False, False)
     # A step and two halves of it, each with six stages.
     half = solver_traits(diffrax.HalfSolver(diffrax.Tsit5()))
-    assert half == (True, False, False, "", 18, 1, False, False)
+    assert half == (False, False, "", 18, 1, False, False)
     assert solver_traits(diffrax.HalfSolver(Stormer(steps=30))).fixed_step
 
 

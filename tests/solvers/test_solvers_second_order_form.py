@@ -109,7 +109,6 @@ def method_of(system, y, method):
         rtol=np.asarray(1e-9),
         atol=np.asarray(1e-9),
         method=method,
-        adjoint=None,
         max_steps=64,
         max_step=None,
     )
