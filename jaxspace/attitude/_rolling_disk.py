@@ -69,7 +69,7 @@ state, because an event may end a run where the disk lifts off."""
 @final
 class RollingDisk(AbstractSystem):
     """A disk that rolls on the plane z = 0. State: `BodyState` with the position of its centre,
-    attitude and omega, best made by `state`; the velocity follows from them."""
+    attitude and omega, preferably created with `state`; the velocity follows from them."""
 
     mass: NumberField = quantity("kg", positive=True, doc="m, of the disk")
     radius: NumberField = quantity("m", positive=True, doc="R, of the rim")

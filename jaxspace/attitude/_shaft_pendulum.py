@@ -37,7 +37,7 @@ class TiltState(eqx.Module):
 
 @final
 class ShaftPendulum(AbstractSystem):
-    """A body of revolution that is pinned to a vertical shaft which turns at a constant rate, such
+    """A body of revolution that is pinned to a vertical shaft with a constant rotation rate, such
     as a disk on a stem. At the rate zero it is the plane pendulum. State: `TiltState`."""
 
     transverse_inertia: NumberField = quantity("kg m^2", positive=True, doc="A, about the pin")

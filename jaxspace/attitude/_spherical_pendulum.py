@@ -75,7 +75,7 @@ class PendulumState(eqx.Module):
 
 @final
 class SphericalPendulum(AbstractSystem):
-    """A spherical pendulum. State: `PendulumState`, best made by `state`."""
+    """A spherical pendulum. State: `PendulumState`, preferably created with `state`."""
 
     length: NumberField = quantity("m", positive=True, doc="l, of the rod")
     gravity: NumberField = quantity("m/s^2", positive=True, doc="g, downwards")

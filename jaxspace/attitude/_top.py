@@ -126,7 +126,7 @@ class TopSplit(AbstractSplit):
 @final
 class Top(AbstractSystem):
     """A heavy symmetric top on a fixed point. State: `BodyState` with attitude and omega only,
-    best made by `Top.state`."""
+    preferably created with `Top.state`."""
 
     transverse_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="A, about the fixed point, across the axis of the top"

@@ -82,7 +82,7 @@ class ViscousTorque(AbstractEffect):
 
 @final
 class SpringTorque(AbstractEffect):
-    """A spring that turns the body back to an attitude of rest."""
+    """A spring that rotates the body back to an equilibrium attitude."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
 

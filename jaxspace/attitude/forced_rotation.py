@@ -63,7 +63,7 @@ def required_torque(
 
 @printed(first="N", second="N", drive="N m")
 class BearingReactions(NamedTuple):
-    """Forces on a body that turns on a shaft, in its axes; gravity is not in them.
+    """Forces on a body that rotates on a shaft, in its axes; gravity is not included.
 
     - `first`, `second`: at the two bearings, across the shaft, N, (3, *runs).
     - `drive`: torque about the shaft, N m, (*runs,)."""

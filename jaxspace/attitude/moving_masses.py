@@ -138,8 +138,8 @@ def particle_equations(
 class MovingMasses(AbstractEffect):
     """Point masses that move in a body on given paths.
 
-    The body's mass includes the moving masses. Its inertia is that of the rest, without them, about
-    the mass centre of the rest, which is also the origin of the paths."""
+    The body's mass includes the moving masses. Its inertia is that of the remaining body, without
+    them, about its mass centre, which is also the origin of the paths."""
 
     keeps: ClassVar[frozenset[str]] = frozenset(
         {"angular_momentum", "axial_angular_momentum", "rotational_momentum"}

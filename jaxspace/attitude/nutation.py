@@ -105,7 +105,7 @@ class Nutation(HashedModule):
 
     @property
     def precession(self) -> Scalar:
-        """The angle psi, rad, that the axis turns about the vertical in one nutation.
+        """The angle psi, rad, through which the axis precesses about the vertical in one nutation.
 
         A path exactly through the vertical counts the half turn there, whose sense is undefined, as
         none. Infinite with the period, unless the spin is zero."""

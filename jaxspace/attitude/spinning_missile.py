@@ -49,8 +49,8 @@ _TERMS = 19
 
 
 def principal_tilt(inertia: AbstractInertia) -> Complex:
-    """The rotation vector b, rad, (2, *runs), that turns the body's z axis into the principal axis
-    nearest to it (Thomson 7.4-2).
+    """The rotation vector b, rad, (2, *runs), from the body's z axis to the nearest principal axis
+    (Thomson 7.4-2).
 
     Its derivative exists where the moment of that axis differs from both others."""
     moments, axes = principal_axes(inertia)

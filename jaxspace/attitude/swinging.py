@@ -100,8 +100,8 @@ class SwingState(eqx.Module):
 
 @final
 class SwingingCords(AbstractSystem):
-    """Masses on unwound cords that are hinged to the drum. State: `SwingState`, best made by
-    `state`."""
+    """Masses on unwound cords that are hinged to the drum. State: `SwingState`, preferably created
+    with `state`."""
 
     axial_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="I, of the body without the masses"
@@ -171,9 +171,9 @@ class SwingingCords(AbstractSystem):
 
 @final
 class SwingOutArms(AbstractSystem):
-    """Masses on hinged arms that swing out from along the spin axis. State: `SwingState`, best made
-    by `state`. Unlike a yo-yo they slow the spin by a share that does not depend on it, and cannot
-    stop it."""
+    """Masses on hinged arms that swing out from along the spin axis. State: `SwingState`,
+    preferably created with `state`. Unlike a yo-yo they slow the spin by a share that does not
+    depend on it, and cannot stop it."""
 
     axial_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="I, of the body without the masses"

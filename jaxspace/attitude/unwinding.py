@@ -68,7 +68,7 @@ class CordState(eqx.Module):
 @final
 class UnwindingCords(AbstractSystem):
     """A body that spins about its axis while masses on inextensible cords unwind. State:
-    `CordState`, best made by `state`; the motion is known in closed form."""
+    `CordState`, preferably created with `state`; the motion is known in closed form."""
 
     axial_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="I, of the body without the masses"
@@ -139,7 +139,7 @@ class _Unwinding(AbstractClosedForm):
 @final
 class StretchingCords(AbstractSystem):
     """A body that spins about its axis while masses unwind on elastic cords. State: `CordState`
-    with a stretch, best made by `state`; `UnwindingCords` has inextensible ones."""
+    with a stretch, preferably created with `state`; `UnwindingCords` has inextensible ones."""
 
     axial_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="I, of the body without the masses"

@@ -53,7 +53,7 @@ from .motors import AbstractMotor, along_axes
 
 @formula(A=POSITIVE, C=POSITIVE)
 def gyrostat_nutation_rate(n: Scalar, A: Scalar, C: Scalar, h: Scalar) -> Scalar:
-    """Rate, rad/s, at which the small transverse rate of a gyrostat turns in the body (Thomson
+    """Rate, rad/s, at which the small transverse rate of a gyrostat rotates in the body (Thomson
     7.11).
 
     **Arguments**, each (*runs,)
@@ -92,13 +92,13 @@ def rotor_moment(
 class ReactionWheels(AbstractEffect):
     """Wheels in a body, with motors, friction and limits.
 
-    The inertia of the body is that of all, with the wheels locked. `Scene.start` adds the part
+    The inertia of the body includes the locked wheels. `Scene.start` adds the part
     `wheels` to a state: the angular momentum of each wheel about its axis, kg m^2/s, (wheels,
     *runs). `speeds` gives their speeds.
 
     A motor gives at most the `torque_limit`. The torque that raises the speed falls from there to
     zero between the `knee` and the `speed_limit`, as for a motor at constant voltage: a saturated
-    wheel turns no faster, and can be slowed by the full torque."""
+    wheel does not accelerate further, and can be slowed by the full torque."""
 
     keeps: ClassVar[frozenset[str]] = frozenset(
         {"angular_momentum", "axial_angular_momentum", "rotational_momentum"}

@@ -67,7 +67,7 @@ def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Qua
 
     **Arguments**
 
-    - `duration`: how much later, s, (*runs,).
+    - `duration`: s, (*runs,).
     - `moments`: principal moments, in any order, kg m^2, (3, *runs).
     - `omega`: at the start, along the same axes, rad/s, (3, *runs).
 

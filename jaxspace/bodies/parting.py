@@ -156,7 +156,7 @@ def come_apart(
 def release(*parts: Detached) -> tuple[_Released, tuple[_Released, ...]]:
     """The remaining body after a release of parts, and these parts, with conservation of momentum.
 
-    The mass of the whole is that of its state, so that more or less propellant may be left.
+    The mass of the whole is that of its state, so that the remaining propellant is arbitrary.
 
     **Arguments**
 

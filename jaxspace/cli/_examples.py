@@ -75,7 +75,7 @@ def scenes() -> Path:
 
 
 def show_examples() -> int:
-    """Print the scenes by goal, each with its title and the commands that it is made for."""
+    """Print the scenes by topic, each with its title and its commands."""
     names = [name for group in GOALS.values() for name in group]
     width = max(map(len, names))
     for goal, group in GOALS.items():

@@ -8,7 +8,7 @@ from .._jax_settings import enable_x64, keep_programs
 
 
 def settle(*, once: bool = False) -> None:
-    """Set jax up for one command; to be called before the first array is made.
+    """Configure JAX for one command; to be called before the first array is created.
 
     `once`: whether the command runs each program once. The compiler's optimisations then cost more
     than they save: half of the wait for a rocket's flight. A command after one of the other kind

@@ -99,7 +99,7 @@ def stopped_by_signals() -> Iterator[None]:
 @contextlib.contextmanager
 def stopped_afterwards() -> Iterator[list[int]]:
     """Put off the signals that stop a command, while modules are imported: an interruption would
-    leave them half made. The signals that came."""
+    leave them incomplete. The signals that came."""
     came: list[int] = []
     with _handled(lambda number, frame: came.append(number)):
         yield came

@@ -68,7 +68,8 @@ class CommandedMotor(AbstractMotor):
 
 @final
 class CommandedEngine(AbstractEffect):
-    """An engine whose thrust a controller turns and throttles; it burns mass, and stops dry.
+    """An engine whose thrust is gimballed and throttled by a controller; it consumes propellant,
+    and stops when it is empty.
 
     The command is the thrust in inertial axes. If longer than `max_thrust`, it is shortened along
     its direction."""

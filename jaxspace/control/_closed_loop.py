@@ -174,7 +174,7 @@ class ClosedLoop(AbstractSampledLoop):
 
         **Arguments**
 
-        - `y0`: the initial state. `ts`: save times, s, known and ascending; the first is that of
+        - `y0`: the initial state. `ts`: save times, s, concrete and ascending; the first is that of
           `y0`, and of the first sample.
         - `key`: of the noise.
         - `accuracy`: the relative tolerance of the motion between two samples, or an `Accuracy`;
@@ -206,8 +206,8 @@ class ClosedLoop(AbstractSampledLoop):
         memory: PyTree = None,
         throw: bool = False,
     ) -> LoopRun:
-        """Many runs at once: runs on the last axis of the states, and of whatever parameter of the
-        system, the controller or a sensor declares them.
+        """A batch of runs: the batch axis is the last one of the states, and of parameters of the
+        system, the controller or a sensor annotated with it.
 
         Arguments, results and errors as of `simulate`; unless `throw`, a failed run only has the
         status of its failure. `start` is a number, or (runs,). The noise of run j has the key

@@ -96,8 +96,8 @@ def clipped(command: PyTree, limit: PyTree) -> PyTree:
 def rounded(command: PyTree, quantum: PyTree) -> PyTree:
     """The command rounded to whole quanta; `None` leaves it.
 
-    Its derivative is that of the command, because the derivative of the rounding is zero or does
-    not exist."""
+    It has the derivative of the command, because the derivative of rounding is zero or does not
+    exist."""
     if quantum is None:
         return command
 

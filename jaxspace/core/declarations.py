@@ -164,7 +164,7 @@ def initial(
     - `key`: name of the table; functions with the same key are several ways to fill it.
     - `gives`: the parts of the state that the function returns, in order.
     - `arguments`: as in `constructor`. An argument that is not declared is a part of the state,
-      made by another function.
+      created by another function.
     """
 
     def declare(function: Function) -> Function:

@@ -28,7 +28,7 @@ def check_components(name: str, x: object, count: int, axes: int = 1) -> None:
     - `x`: the array. Other objects pass: `None`, a placeholder of a tree transformation, a
       `jax.ShapeDtypeStruct`, a Python number or list.
     - `count`: the number of components, 3 or 4.
-    - `axes`: how many leading axes have this length, 2 for a matrix.
+    - `axes`: number of leading axes of this length, 2 for a matrix.
 
     **Raises** `InputError` for any other shape.
     """

@@ -185,8 +185,8 @@ class Table(AbstractTable):
 class Spline(AbstractTable):
     """A function of time, cubic between its nodes, with continuous slope and curvature.
 
-    Arguments, nodes and errors as those of a `Table`. `curvatures` follow from the values when the
-    spline is made: for other values make another one."""
+    Arguments, nodes and errors as those of a `Table`. `curvatures` are computed from the values
+    when the spline is created: for other values create another one."""
 
     times: Float[Array, "nodes *#runs"]
     values: Float[Array, "nodes *#runs"]

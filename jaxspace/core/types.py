@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     Scalar: TypeAlias = Any
 
     class NumberField:
-        """A declared number of a module: an array, made of any number or array that is given.
+        """A declared number of a module: an array, converted from any number or array.
 
         A descriptor, because the constructor of a class accepts more types than its field has, and
         type checkers read the accepted types from `__set__`."""

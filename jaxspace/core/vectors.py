@@ -242,7 +242,7 @@ def identity(rank: int) -> Matrix:
 
     **Arguments**
 
-    - `rank`: how many axes of times and runs follow."""
+    - `rank`: number of time and batch axes that follow."""
     return with_rank(jnp.where(jnp.eye(3, dtype=bool), 1.0, 0.0), rank, axes=2)
 
 

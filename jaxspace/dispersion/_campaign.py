@@ -125,7 +125,8 @@ class Campaign(AbstractCampaign):
         """The accuracy of a call: the one `given`, or else that of the campaign; by purpose without
         a tolerance.
 
-        `Accuracy.decoupled` is set if the nominal run turns so fast that its steps would run out.
+        `Accuracy.decoupled` is set if the nominal run rotates so fast that it would reach the
+        maximum number of steps.
         """
         asked = as_campaign_accuracy(self.accuracy if given is None else given)
         return with_exact_parts(self, asked.accuracy if isinstance(asked, ByPurpose) else asked)

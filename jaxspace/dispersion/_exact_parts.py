@@ -48,7 +48,7 @@ def for_turns(campaign: AbstractCampaign, accuracy: Accuracy, status: ArrayLike)
 
 
 def with_exact_parts(campaign: AbstractCampaign, accuracy: Accuracy) -> Accuracy:
-    """The accuracy with its `decoupled` set where the nominal run turns fast.
+    """The accuracy with its `decoupled` set where the nominal run rotates fast.
 
     Unchanged where it does not, and where the numbers of the campaign are unknown."""
     if is_traced(campaign) or not has_exact_part(campaign, accuracy):

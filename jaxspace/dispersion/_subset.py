@@ -129,7 +129,7 @@ def extended(
     margin: Margin, seeds: Population, border: float, size: int, rng: np.random.Generator
 ) -> tuple[Population, int]:
     """`size` runs at or below the border, by chains from the `seeds`, which all step at once; and
-    how many runs were made."""
+    number of runs used."""
     # Chosen at random where there are many, because the first ones come from the first chains.
     order = rng.permutation(len(seeds.g))[: max(size // 2, 1)]
     result = last = seeds.taken(order)
@@ -145,7 +145,7 @@ def explore(
     margin: Margin, size: int, n: int, most: int, rng: np.random.Generator
 ) -> tuple[list[np.ndarray], int]:
     """Violations, (runs, n), of two independent descents with `size` runs in each level, of which
-    each makes about `most` runs; and how many runs were made."""
+    each makes about `most` runs; and number of runs used."""
     groups, made = [], 0
     for _ in range(2):
         found = descend(margin, drawn(margin, (size, n), rng), SEARCHED, most, rng)

@@ -30,7 +30,7 @@ HALVINGS = 4
 def search_widely(
     margin: Margin, wanted: int, n: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, int]:
-    """About so many violations as are `wanted`, (runs, n), or none; and how many runs were made."""
+    """About so many violations as are `wanted`, (runs, n), or none; and number of runs used."""
     made = 0
     z = np.zeros((0, n))
     for scale in SCALES:
@@ -47,7 +47,7 @@ def search_widely(
 
 def pulled_in(margin: Margin, z: np.ndarray) -> tuple[np.ndarray, int]:
     """The violations z, (runs, n), moved towards zero until the requirement is almost met there;
-    and how many runs were made."""
+    and number of runs used."""
     if len(z) == 0:
         return z, 0
     low, high = np.zeros(len(z)), np.ones(len(z))

@@ -159,7 +159,7 @@ def rare_event(
 class _Margins:
     """The margin of a requirement as a function of the standard normal numbers of a search.
 
-    `runs`, `failed`: how many runs were made, and failed. If `inverted`, the event is that the
+    `runs`, `failed`: number of runs used, and failed. If `inverted`, the event is that the
     requirement is met."""
 
     def __init__(

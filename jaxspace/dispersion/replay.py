@@ -38,9 +38,9 @@ class Replay(eqx.Module):
     - `inputs`, `outputs`: by name, to the last bit those of the campaign, if that stores no states:
       without numbers for a run that is refused or fails.
     - `trajectory`: the phases, with the requested number of states. Its ends agree with the outputs
-      to the tolerance, for steps may also end where states are saved.
-    - `refusal`: why a run is refused; its trajectory then is that of the inputs all the same, where
-      they have one."""
+      to the tolerance, because steps may also end where states are saved.
+    - `refusal`: why a run is rejected; its trajectory then is that of the inputs all the same,
+      where they have one."""
 
     number: int
     seed: int

@@ -30,10 +30,10 @@ class ProcessPool(AbstractEngine):
 
     **Arguments**
 
-    - `workers`: how many; as many as cores by default.
-    - `limit`: after how many seconds a chunk that has not returned counts as lost; never by
-      default. It includes the start of a process, which compiles or loads the program.
-    - `retries`: how often a chunk may be lost.
+    - `workers`: number of processes; by default the number of cores.
+    - `limit`: seconds after which an unfinished chunk counts as lost; never by default. It includes
+      the start of a process, which compiles or loads the program.
+    - `retries`: maximum number of losses of a chunk.
 
     **Raises** `InputError` for less than one worker."""
 

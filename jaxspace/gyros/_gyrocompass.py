@@ -64,7 +64,8 @@ class GyrocompassState(eqx.Module):
 
 @final
 class Gyrocompass(AbstractSystem):
-    """A gyrocompass, ashore by default. State: `GyrocompassState`, best made by `state`."""
+    """A gyrocompass, ashore by default. State: `GyrocompassState`, preferably created with
+    `state`."""
 
     spin_momentum: NumberField = quantity("kg m^2/s", positive=True, doc="H")
     tilt_inertia: NumberField = quantity(
@@ -172,8 +173,8 @@ class Gyrocompass(AbstractSystem):
 
     @property
     def heading_error(self) -> Scalar:
-        """The angle by which the ship's speed turns the meridian of the compass to the west, rad:
-        tan(gamma) = v cos(course) / (R Omega cos(latitude) + v sin(course))."""
+        """The angle by which the ship's speed deflects the meridian of the compass to the west,
+        rad: tan(gamma) = v cos(course) / (R Omega cos(latitude) + v sin(course))."""
         east, north, _ = self.frame_rate
         return jnp.arctan2(-east, north)
 

@@ -61,7 +61,7 @@ class NavigatorState(eqx.Module):
 @final
 class InertialNavigator(AbstractSystem):
     """A navigator in a vehicle on a parallel, a steady course or any path, strapdown by default.
-    State: `NavigatorState`, best made by `state`.
+    State: `NavigatorState`, preferably created with `state`.
 
     - `path`: a function from the time, s, to a `Place`, which replaces the course given by the
       parameters.

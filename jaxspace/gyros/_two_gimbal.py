@@ -49,7 +49,7 @@ from .gimbal_walk import GimbalWalk
 class TwoGimbalGyro(AbstractSystem):
     """A rotor in two gimbals, massless by default.
 
-    State: `GimbalState`, best made by `TwoGimbalGyro.state`."""
+    State: `GimbalState`, preferably created with `TwoGimbalGyro.state`."""
 
     transverse_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="A, of the rotor across its axis"
@@ -237,12 +237,12 @@ class TwoGimbalGyro(AbstractSystem):
 
     @property
     def inner_inertia(self) -> Scalar:
-        """Inertia A + A_i of all that turns about the inner axis, kg m^2."""
+        """Inertia A + A_i of all parts that rotate about the inner axis, kg m^2."""
         return self.transverse_inertia + self.inner_xi
 
     def outer_inertia(self, theta: Scalar) -> Scalar:
-        """Inertia I_Z of all that turns about Z, without the spin, kg m^2, with the rotor's axis at
-        `theta`, rad (Thomson 6.3-10)."""
+        """Inertia I_Z of all parts that rotate about Z, without the spin, kg m^2, with the rotor's
+        axis at `theta`, rad (Thomson 6.3-10)."""
         # Across the rotor's axis the inner gimbal turns with the rotor, along it alone.
         s = jnp.sin(theta)
         c = jnp.cos(theta)

@@ -79,5 +79,5 @@ class RotorMotor(AbstractParameters):
     speed: NumberField = quantity("rad/s", doc="n_0, of the rotor in the inner gimbal without load")
 
     def torque(self, speed: Scalar) -> Scalar:
-        """The torque on a rotor that turns at `speed`, rad/s, in the inner gimbal, N m."""
+        """The torque on a rotor with the `speed`, rad/s, in the inner gimbal, N m."""
         return self.gain * (self.speed - speed)

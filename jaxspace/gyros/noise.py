@@ -37,7 +37,7 @@ def gyro_noise(
     **Arguments**
 
     - `key`: of `jax.random`.
-    - `samples`, `step`: how many, and dt, s.
+    - `samples`, `step`: their number, and dt, s.
     - `angle_walk`: N, rad/s^(1/2); `rate_walk`: K, rad/s^(3/2): scalars or (*runs,).
 
     **Returns** the errors, rad/s, (samples, *runs), which begin without a bias.

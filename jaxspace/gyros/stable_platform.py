@@ -76,7 +76,7 @@ class StablePlatformState(eqx.Module):
 
 @final
 class StablePlatform(AbstractSystem):
-    """A platform in three gimbals, or in four. State: `StablePlatformState`, made by `state`.
+    """A platform in three gimbals, or in four. State: `StablePlatformState`, created with `state`.
 
     - `fourth`: whether there is a gimbal outside the roll gimbal, about the vehicle's z axis. Four
       gimbals turn three axes: their accelerations lose the ratio of J to I_g in roundings.

@@ -10,8 +10,8 @@ T = TypeVar("T")
 
 
 def in_turn(function: Callable[[PyTree], T], rows: PyTree) -> T:
-    """`function` of each row of the arrays of a tree, stacked: on a CPU one after the other, in a
-    loop, elsewhere at once.
+    """`function` of each row of the arrays of a tree, stacked: sequentially in a loop on a CPU,
+    vectorised elsewhere.
 
     The compiler for CPUs treats the loop as one piece, and each operation on all rows as a piece of
     its own, which costs it 10 ms. For a batch the loop is also faster: its numbers stay in the

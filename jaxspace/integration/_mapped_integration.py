@@ -28,7 +28,7 @@ class MappedIntegration(eqx.Module):
 
     - `each`: the integration, whose arrays have the axis where `axes`, one entry for each of its
       leaves, is zero; `None` for those that all runs share.
-    - `size`: how many runs there are."""
+    - `size`: number of runs."""
 
     each: AnyIntegration
     axes: tuple[int | None, ...] = eqx.field(static=True)

@@ -43,7 +43,7 @@ def add_run_axis(
     **Arguments**
 
     - `run`, `dims`: the integration, and which axis of each array is mapped.
-    - `size`: how many runs there are.
+    - `size`: number of runs.
     - `moving`: the arrays that get their own value in every run, even if they are not mapped.
 
     **Returns** the integration of the batch, and for each of its arrays whether it carries the new
@@ -232,7 +232,7 @@ def over_blocks(
     **Arguments**
 
     - `mapped`: the integration and which of its arrays carry runs, as from `add_run_axis`.
-    - `size`: how many runs there are.
+    - `size`: number of runs.
     - `one`: the shapes of the results of one run, where some are shared by the runs of a block,
       such as the number of steps: they are repeated for each.
     - `more`: further arrays, each with the runs on the last axis.

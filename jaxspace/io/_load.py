@@ -132,8 +132,8 @@ def stored_scene(
     - `dispersion`: that of a scene file, such as one from `open_store`.
     - `modules`: as in `load`; those with which it was computed.
 
-    **Raises** `InputError` for a campaign that was made in Python and for other modules, and
-    `SceneError` for a text that this version no longer understands."""
+    **Raises** `InputError` for a campaign defined in Python and for different modules, and
+    `SceneError` for a text that this version can no longer read."""
     text = str(dispersion.attributes.get("description", ""))
     if "[dispersion" not in text:
         raise InputError("the record contains no scene file: the campaign was defined in Python.")

@@ -63,7 +63,7 @@ class CentrifugalPendulum(AbstractLagrangian):
 
 @final
 class FramedPendulum(AbstractLagrangian):
-    """A pendulum in a frame that turns freely about the vertical through its pivot. State:
+    """A pendulum in a frame that rotates freely about the vertical through its pivot. State:
     `GeneralisedState` of the pendulum's angle and of the frame's."""
 
     inertia: NumberField = quantity(
@@ -97,7 +97,7 @@ class FramedPendulum(AbstractLagrangian):
 
 @final
 class RotatingHoop(AbstractLagrangian):
-    """A bead on a hoop that turns at a given rate about its vertical diameter. State:
+    """A bead on a hoop that rotates at a given rate about its vertical diameter. State:
     `GeneralisedState` of the bead's angle. Its `energy` is Jacobi's integral, because the motor
     does work.
 
@@ -106,7 +106,7 @@ class RotatingHoop(AbstractLagrangian):
     - `rate`: of the hoop, W, rad/s.
     - `gravity`: g, downwards, m/s^2, positive.
 
-    `RotatingHoop(0.2, 0.5, 6.0, 9.81)` turns faster than sqrt(g / r), so that its `rest_angle` is
+    `RotatingHoop(0.2, 0.5, 6.0, 9.81)` rotates faster than sqrt(g / r), so that its `rest_angle` is
     not zero; `state(theta=0.1)` is the bead at rest at 0.1 rad from the bottom."""
 
     mass: NumberField = quantity("kg", positive=True, doc="m, of the bead")

@@ -56,8 +56,8 @@ class MissileState(eqx.Module):
 
 @final
 class FlexibleMissile(AbstractSystem):
-    """A uniform flexible missile with an engine that swivels. State: `MissileState`, best made by
-    `state`."""
+    """A uniform flexible missile with an engine that swivels. State: `MissileState`, preferably
+    created with `state`."""
 
     mass: NumberField = quantity("kg", positive=True, doc="m, with the engine")
     length: NumberField = quantity("m", positive=True, doc="L")
@@ -130,7 +130,7 @@ class FlexibleMissile(AbstractSystem):
 
     @property
     def tail_wags_dog_frequency(self) -> Scalar:
-        """The frequency, rad/s, at which a swinging engine no longer turns the rigid missile,
+        """The frequency, rad/s, at which an oscillating engine no longer rotates the rigid missile,
         because its inertia cancels the thrust; a zero of the pitch: F (l_h + C_1) / (I_h + m_e l_h
         z_e)."""
         engine = self.engine

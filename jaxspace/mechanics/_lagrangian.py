@@ -105,7 +105,7 @@ class AbstractLagrangian(AbstractDescription):
 class Lagrangian(AbstractLagrangian):
     """A system from functions: `Lagrangian(L, ("x", "theta"), parameters)`.
 
-    State: `GeneralisedState`, best made by `state`, and brought onto constraints by
+    State: `GeneralisedState`, preferably created with `state`, and brought onto constraints by
     `consistent`.
 
     - `function`: L(t, q, v, parameters), J; q and v are (n, *runs), the result (*runs,).

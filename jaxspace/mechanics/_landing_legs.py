@@ -39,8 +39,8 @@ NODES = 40
 
 @final
 class LandingLegs(AbstractLagrangian):
-    """A lander whose legs spread on the ground. State: `GeneralisedState` of their angle, best made
-    by `state`, or by `touchdown` from a fall."""
+    """A lander whose legs spread on the ground. State: `GeneralisedState` of their angle,
+    preferably created with `state`, or by `touchdown` from a fall."""
 
     body_mass: NumberField = quantity("kg", positive=True, doc="M, without the legs")
     leg_mass: NumberField = quantity("kg", non_negative=True, doc="m, of each leg")

@@ -99,7 +99,7 @@ def foucault_motion(
     - `frequency`: p, rad/s, sqrt(g / l).
     - `vertical_rate`: W, of the earth about the vertical, Omega sin(latitude), rad/s.
 
-    **Returns** position, m, and velocity, m/s, at `t`. The plane of the swing turns by -W.
+    **Returns** position, m, and velocity, m/s, at `t`. The plane of the oscillation rotates by -W.
     """
     w = vertical_rate
     swing = sqrt(frequency * frequency + w * w)

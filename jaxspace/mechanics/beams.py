@@ -67,9 +67,9 @@ def beam_roots(ends: Ends, count: int, support: float | None = None) -> Float[np
     **Arguments**
 
     - `ends`: those of the beam; "clamped-..." is clamped at x = 0.
-    - `count`: how many.
-    - `support`: the place of a pin between the ends, in units of the length, which makes two spans;
-      `None` for one.
+    - `count`: number of modes.
+    - `support`: the position of a pin between the ends, in units of the length, which creates two
+      spans; `None` for one.
 
     **Raises** `InputError` for other ends, and for a pin that is not between them."""
     if ends not in PHASES:

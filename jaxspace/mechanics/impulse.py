@@ -67,7 +67,7 @@ def apply_impact(
     gaps: Callable[[Array], Array],
     restitution: Scalar,
 ) -> tuple[GeneralisedState, Float[Array, "k *#runs"]]:
-    """The state after contacts without friction have closed, several at once.
+    """The state after contacts without friction have closed, several simultaneously.
 
     **Arguments**
 

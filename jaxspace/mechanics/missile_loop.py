@@ -48,7 +48,7 @@ class MissileLoopState(eqx.Module):
 @final
 class MissileLoop(AbstractSystem):
     """A flexible missile with autopilot and slosh; without slosh by default. State:
-    `MissileLoopState`, made by `state`.
+    `MissileLoopState`, created with `state`.
 
     - `missile`: the missile whose actuator receives the command; its `command` is added."""
 

@@ -324,7 +324,7 @@ def _places(values: Array) -> list[str]:
 
 
 def listed(clauses: Sequence[str]) -> str:
-    """The first few of the clauses, and how many more there are."""
+    """The first few of the clauses, and the number of the others."""
     more = len(clauses) - MOST_NAMED
     shown = ", ".join(clauses[:MOST_NAMED])
     return f"{shown}, and {more} more" if more > 0 else shown

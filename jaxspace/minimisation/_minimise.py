@@ -148,8 +148,8 @@ def minimise_from(
     - `starts`: trees whose arrays carry the starts on the last axis.
     - The others: as in `minimise`, for every start.
 
-    **Returns** the best one, which is that of the least objective among those that converged, or of
-    the least violation where none did; and all of them, with the starts on the last axis.
+    **Returns** the best one, with the least objective among those that converged, or the least
+    violation if none did; and all of them, with the starts on the last axis.
 
     **Raises** as `minimise` does; `InputError` for a wrong gradient at any of the starts.
     """

@@ -62,7 +62,7 @@ class SearchStore:
         if not (self.resume and self.path.exists()):
             return state
         try:
-            # Read at once, because a damaged archive leaves its file open.
+            # Read simultaneously, because a damaged archive leaves its file open.
             content = io.BytesIO(self.path.read_bytes())
             with np.load(content, allow_pickle=False) as kept:
                 told = json.loads(str(kept["told"]))

@@ -78,7 +78,7 @@ def footprint_figure(
     - `nominal`: landing point of the nominal run, to the east and north, in the unit of the
       landings.
 
-    **Raises** `InputError` without landings in three good runs or more.
+    **Raises** `InputError` for fewer than three successful runs with landings.
     """
     with extra("app"):
         from matplotlib.figure import Figure

@@ -78,7 +78,7 @@ def optimise_design(
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
       campaign.
     - `may_fail`: the share of the runs that may fail, from 0 on. They are left out of the
-      statistics; the search turns back from a design at which more fail.
+      statistics; the search rejects a design at which more fail.
 
     - `store`: the path of a file in which the search saves its state.
     - `resume`: whether to continue from that file, if it exists, after an interrupted process: with

@@ -65,7 +65,7 @@ def hinge(z: Float[Array, "..."]) -> Float[Array, "..."]:
 
 
 def count(x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
-    """The number of good runs; NaN for none, which makes NaN of a statistic."""
+    """The number of successful runs; NaN for none, which makes NaN of a statistic."""
     n = jnp.sum(good, dtype=x.dtype)
     return jnp.where(n > 0.0, n, jnp.nan)
 
@@ -83,8 +83,8 @@ def width_of_all(
 def smoothed_quantile(
     x: Float[Array, " runs"], good: Bool[Array, " runs"], share: float
 ) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
-    """The quantile of the smoothed sample, half the width of the kernel, and the number of good
-    runs."""
+    """The quantile of the smoothed sample, half the width of the kernel, and the number of
+    successful runs."""
     n = count(x, good)
     held = HALF_WIDTH * jnp.sqrt(share * (1.0 - share) / n)
     fixed = lax.stop_gradient(x)
@@ -112,7 +112,7 @@ def smoothed_quantile(
 class _Kernel(NamedTuple):
     """The two equations of a quantile c and the half-width b of its kernel.
 
-    - `good`, `n`: the good runs, and how many there are; `share`, `held`: q and r.
+    - `good`, `n`: the successful runs, and how many there are; `share`, `held`: q and r.
     - `least`: the least half-width."""
 
     good: Bool[Array, " runs"]

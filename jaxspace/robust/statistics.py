@@ -6,7 +6,7 @@
     mean beyond c        c + (1/n) sum b H((x_i - c)/b) / (1 - q)
 
     symbol    meaning                                               unit
-    x_i, n    values of the good runs, and how many there are       that of the output, 1
+    x_i, n    values of the successful runs, their number           that of the output, 1
     m         their mean                                            that of the output
     a         limit                                                 that of the output
     q         share of the runs below the quantile                  1
@@ -407,6 +407,6 @@ def _moments(x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> tuple[Arra
 
 
 def _known_moments(x: np.ndarray, good: np.ndarray) -> tuple[float, np.ndarray, int]:
-    """The mean of the good runs, how far each is from it, and how many there are."""
+    """The mean of the successful runs, how far each is from it, and how many there are."""
     mean = float(np.mean(x[good]))
     return mean, np.where(good, x - mean, 0.0), int(np.count_nonzero(good))

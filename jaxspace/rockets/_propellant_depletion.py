@@ -11,7 +11,7 @@ from ..core import Scalar, reference
 class PropellantDepletion(AbstractCondition):
     """The propellant of an engine is used up: its mass above the burnout mass, kg, falls to zero.
 
-    It is made by `PropellantDepletion(engine.propellant_left)`, of an engine with a burnout mass.
+    Created as `PropellantDepletion(engine.propellant_left)` for an engine with a burnout mass.
     In a scene file the engine is found: the first effect of the phase that has propellant."""
 
     direction: ClassVar[int] = -1

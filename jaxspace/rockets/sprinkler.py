@@ -24,8 +24,8 @@ from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 def sprinkler_moment(
     flow: Scalar, arm: Scalar, spin_rate: Scalar, jet_speed: Scalar = 0.0, bend: Scalar = 0.0
 ) -> Scalar:
-    """Moment that turns a sprinkler at a steady rate, N m; negative where the jets would turn it
-    faster (Thomson 7.10-P1).
+    """Moment that rotates a sprinkler at a steady rate, N m; negative where the jets would rotate
+    it faster (Thomson 7.10-P1).
 
     **Arguments**
 

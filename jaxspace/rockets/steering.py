@@ -169,7 +169,7 @@ class FixedDirection(AbstractSteering):
 
 @final
 class AlongVelocity(AbstractSteering):
-    """A thrust along the velocity, or along the velocity relative to air that turns about z: a
+    """A thrust along the velocity, or along the velocity relative to air that rotates about z: a
     gravity turn. At rest the direction is undefined, and the thrust is zero."""
 
     air_rate: NumberField = quantity(

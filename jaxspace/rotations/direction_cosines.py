@@ -26,7 +26,7 @@ from ..core.vectors import cross, dot
 
 @formula
 def cosine_rates(cosines: Matrix, omega_B: Vector) -> Matrix:
-    """C', 1/s, (3, 3, *runs), of a body that turns (Thomson 3, problem 15).
+    """C', 1/s, (3, 3, *runs), of a rotating body (Thomson 3, problem 15).
 
     **Arguments**
 

@@ -41,11 +41,11 @@ def _axes(sequence: str) -> tuple[int, int, int]:
 
 @formula
 def from_euler_angles(angles: Vector, sequence: str = "313") -> Quaternion:
-    """The orientation after three turns about the moving axes.
+    """The orientation after three rotations about the moving axes.
 
     **Arguments**
 
-    - `angles`: rad, (3, *runs), in the order of the turns.
+    - `angles`: rad, (3, *runs), in the order of the rotations.
     - `sequence`: the axes, one of `SEQUENCES`.
 
     **Raises** `InputError` for a sequence other than the twelve, and for angles whose first axis
@@ -111,7 +111,7 @@ def omega_from_euler_rates(angles: Vector, rates: Vector, sequence: str = "313")
 
     **Arguments**
 
-    - `angles`, rad, and `rates`, rad/s: (3, *runs), in the order of the turns.
+    - `angles`, rad, and `rates`, rad/s: (3, *runs), in the order of the rotations.
     - `sequence`: the axes, one of `SEQUENCES`.
 
     **Returns** omega, rad/s, in body axes, (3, *runs).
@@ -129,7 +129,7 @@ def euler_rates_from_omega(angles: Vector, omega: Vector, sequence: str = "313")
 
     **Arguments**
 
-    - `angles`: rad, (3, *runs), in the order of the turns.
+    - `angles`: rad, (3, *runs), in the order of the rotations.
     - `omega`: angular velocity in body axes, rad/s, (3, *runs).
     - `sequence`: the axes, one of `SEQUENCES`.
 

@@ -47,7 +47,7 @@ def _sum(a: Vector, b: Vector) -> Vector:
 @final
 @printed(omega="rad/s", omega_rate="rad/s^2", position="m", velocity="m/s", acceleration="m/s^2")
 class MovingFrame(HashedModule):
-    """A frame at an instant: how its origin moves, and how it is turned and turns.
+    """A frame at an instant: motion of its origin, orientation and angular velocity.
 
     - `attitude`: from the frame's axes to inertial ones.
     - `omega`, rad/s, `omega_rate`, rad/s^2: angular velocity and its rate, in the frame's axes.

@@ -29,7 +29,7 @@ from ..core.vectors import cross, dot
 
 @formula
 def rotation_vector_rate(turn: Vector, omega: Vector) -> Vector:
-    """Rate of the rotation vector of a body that turns.
+    """Rate of the rotation vector of a rotating body.
 
     **Arguments**
 

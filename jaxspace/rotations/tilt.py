@@ -59,7 +59,7 @@ def complex_tilt(attitude: Quaternion, axes: str = "inertial") -> Float[Array, "
 
 @formula
 def tilt_of_axis(s: Vector) -> Float[Array, "2 *#runs"]:
-    """The rotation vector, rad, (2, *runs), that turns z into the unit vector `s`; its z component
+    """The rotation vector, rad, (2, *runs), from z to the unit vector `s`; its z component
     is zero.
 
     Smooth where `s` is z; zero at -z, where the direction of the turn is not defined."""

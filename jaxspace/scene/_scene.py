@@ -256,7 +256,7 @@ class Scene(AbstractScene):
         return body_motion(self, self.effects)[0]
 
     def decoupled(self) -> AbstractDecoupled | None:
-        """The free rotation, where no effect turns the body or depends on where it points."""
+        """The free rotation, where no effect exerts a torque or depends on the attitude."""
         return scene_decoupled(self)
 
     def split(self) -> AbstractSplit | None:

@@ -25,7 +25,7 @@ from ..integration.result import IntegrationResult
 
 
 class Integrator(NamedTuple):
-    """A system, how it is integrated, and how many trailing axes of its states carry runs."""
+    """A system, how it is integrated, and number of trailing axes of its states carry runs."""
 
     system: AbstractSystem
     config: IntegrationConfig

@@ -84,7 +84,8 @@ class Phase(HashedModule):
     """One phase: its `system`, its end `until`, and the jump `then`.
 
     - `system`: any system, or a `ClosedLoop` of one, whose controller starts again with the phase.
-    - `until`: a duration, s, zero for a jump at once, or an `Event` that sets its limit `within`.
+    - `until`: a duration, s, zero for an immediate jump, or an `Event` that sets its limit
+      `within`.
     - `then`: a function (t, y) -> y applied at the end; `None` leaves the state as it is.
     - `name`: for tables and plots.
     - `branches`: missions that start at its end, from the state before its jump, in addition to the

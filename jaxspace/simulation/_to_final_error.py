@@ -109,7 +109,7 @@ def to_final_error(
 
     - `verb`: one of the four; `run`: its system or mission, its initial state and its times.
     - `throw`, `options`: its further arguments.
-    - `runs`: how many runs a batch has."""
+    - `runs`: number of runs of a batch."""
     y0 = as_state(run[1])
     dtype = state_dtype(y0)
     if isinstance(run[0], AbstractSystem):

@@ -115,7 +115,7 @@ class ExponentialRosenbrock(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver)
 
     **Arguments**
 
-    - `run_axes`: how many trailing axes of the state carry runs; `simulate` sets it.
+    - `run_axes`: number of trailing axes of the state carry runs; `simulate` sets it.
     """
 
     run_axes: int = eqx.field(static=True, default=0)

@@ -141,7 +141,7 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
       them; without them every step computes the dense output.
     - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
       slower. Set for derivatives of single runs.
-    - `run_axes`: how many trailing axes of the state carry runs; by default all but the first.
+    - `run_axes`: number of trailing axes of the state carry runs; by default all but the first.
       `simulate` sets it.
 
     **Raises** `InputError` in its first step for a state with further parts.

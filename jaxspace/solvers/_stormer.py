@@ -94,7 +94,7 @@ class Stormer(AbstractFieldSolver, AbstractFixedStep):
 
     - `order`: from 5 to 12.
     - `steps`: in each segment; at least twice the order.
-    - `run_axes`: how many trailing axes of the state carry runs; by default all but the first.
+    - `run_axes`: number of trailing axes of the state carry runs; by default all but the first.
       `simulate` sets it.
 
     **Raises** `InputError` for an order or a number of steps out of range, and in its first step

@@ -255,7 +255,7 @@ def bind(
     - `solver`: one of this package or one of diffrax's.
     - `tolerance`: for the root finder of an implicit solver of diffrax, unless that has one.
     - `save_ts`: the normalised times at which states are saved; `None` if only the last state is.
-    - `run_axes`: how many trailing axes of each block of the state carry runs.
+    - `run_axes`: number of trailing axes of each block of the state carry runs.
     - `searched`: whether states within every step are needed, as by a search for events.
 
     **Returns** a solver of the same class.

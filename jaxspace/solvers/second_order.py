@@ -100,7 +100,7 @@ class SecondOrder(NamedTuple):
     def velocity_matters(self, run_axes: int | None) -> Bool[Array, "*runs"]:
         """Whether the acceleration of a run changes when its velocity is zero, for each run.
 
-        Then no method for second-order systems applies to it. `run_axes`: how many trailing axes
+        Then no method for second-order systems applies to it. `run_axes`: number of trailing axes
         carry runs; `None` for all but the first, that of the components."""
         y0, r, v = jax.lax.stop_gradient((self.y0, self.r, self.v))
         components = v.ndim - run_axes if run_axes is not None else min(v.ndim, 1)

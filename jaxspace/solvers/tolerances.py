@@ -29,7 +29,7 @@ class Tolerance(eqx.Module):
     """The allowed error of a step: `rtol` times the length of each block of the state, plus `atol`;
     common to all runs or individual, (*runs,).
 
-    - `run_axes`: how many trailing axes carry runs.
+    - `run_axes`: number of trailing axes carry runs.
     - `blocks`: for a state packed into one vector, the sizes of its blocks; empty where each array
       of the state is a block."""
 

@@ -215,7 +215,7 @@ class Dispersion(HashedModule):
         return in_words(name) + (f" [{unit}]" if unit not in ("", "1") else "")
 
     def table(self, of: str = "outputs") -> list[Row]:
-        """A `Row` for each of the "outputs" or "inputs", over the good runs.
+        """A `Row` for each of the "outputs" or "inputs", over the successful runs.
 
         Limits and extremes count infinite values, mean and standard deviation exclude them; the row
         reports their number (`Row.warning`). Raises `InputError` for any other word."""
@@ -236,7 +236,8 @@ class Dispersion(HashedModule):
         return Listed(sentence for sentence in sentences if sentence)
 
     def contributors(self, output: str, count: int | None = 5) -> Contributors:
-        """The inputs with the largest shares of the variance of an output, over the good runs.
+        """The inputs with the largest shares of the variance of an output, over the successful
+        runs.
 
         **Arguments**
 
@@ -246,8 +247,8 @@ class Dispersion(HashedModule):
         **Returns** no shares, and NaN for R^2, where there is no dispersion beyond rounding; no
         shares where the inputs explain no more than chance.
 
-        **Raises** `InputError` for an unknown output, and for fewer good runs than the regression
-        needs.
+        **Raises** `InputError` for an unknown output, and for fewer successful runs than the
+        regression needs.
         """
         known = self._known_contributors
         if output not in known:
@@ -263,15 +264,16 @@ class Dispersion(HashedModule):
 
     def covariance(self, *names: str) -> np.ndarray:
         """The covariance of the named quantities (all outputs, if none is named), (d, d), over the
-        good runs in which all of them are finite; NaN for fewer than two. Warns where there are
-        other good runs."""
+        successful runs in which all of them are finite; NaN for fewer than two. Warns where there
+        are other successful runs."""
         x = self._finite(*(names or self.outputs))
         if x.shape[1] < 2:
             return np.full((len(x), len(x)), np.nan)
         return np.atleast_2d(np.cov(x))
 
     def together(self, *names: str) -> np.ndarray:
-        """The named quantities over the good runs in which all of them are finite, (d, runs)."""
+        """The named quantities over the successful runs in which all of them are finite, (d,
+        runs)."""
         x = np.stack([self.values(name).astype(float) for name in names])
         return x[:, self.good & np.all(np.isfinite(x), axis=0)]
 
@@ -288,7 +290,7 @@ class Dispersion(HashedModule):
         return x
 
     def _numbers(self, name: str) -> np.ndarray:
-        """A quantity over the good runs, infinite values among them, (runs,)."""
+        """A quantity over the successful runs, infinite values among them, (runs,)."""
         x = self.values(name).astype(float)
         # An infinite value has its place among the others; NaN has none.
         return x[self.good & ~np.isnan(x)]
@@ -300,13 +302,13 @@ class Dispersion(HashedModule):
         return percentile(self._numbers(name), share, confidence)
 
     def ellipsoid(self, *names: str, probability: float = 0.99) -> Ellipsoid:
-        """The ellipse or ellipsoid of the named quantities, over the good runs in which all of them
-        are finite. Warns where there are other good runs."""
+        """The ellipse or ellipsoid of the named quantities, over the successful runs in which all
+        of them are finite. Warns where there are other successful runs."""
         return ellipsoid(self._finite(*names), probability)
 
     def footprint(self) -> Footprint | None:
         """Footprint of the landings, with ellipses of 50, 90 and 99 %; `None` unless `east` and
-        `north` are outputs of one unit, finite in three good runs or more."""
+        `north` are outputs of one unit, finite in three successful runs or more."""
         units = {self.units.get(name) for name in LANDING}
         # Lengths in two units have no bearing between them.
         if not set(LANDING) <= set(self.outputs) or len(units) > 1:

@@ -18,7 +18,7 @@ SHARES = (0.5, 0.9, 0.99)
 
 @printed()
 class Footprint(NamedTuple):
-    """The landings of the good runs.
+    """The landings of the successful runs.
 
     - `points`: to the east and to the north, (2, runs).
     - `unit`: theirs.

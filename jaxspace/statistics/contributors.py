@@ -17,7 +17,7 @@ inputs. The squares matter for outputs that are magnitudes (a pointing error, a 
 no linear law describes.
 
     symbol           meaning                                  unit
-    y                output over the good runs                that of the output
+    y                output over the successful runs          that of the output
     x_j              input over the same runs                 that of the input
     s                standard deviation                       that of its quantity
     f_j              the part of u that depends on input j    1

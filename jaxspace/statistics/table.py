@@ -17,7 +17,7 @@ LIMITS = (0.005, 0.995)
 
 @printed()
 class Row(NamedTuple):
-    """One line of the table: a quantity over its good runs.
+    """One line of the table: a quantity over its successful runs.
 
     - `mean`, `std`: its moments, over the runs in which it is finite.
     - `low`, `high`: the limits of the middle 99 % of the runs, and `min`, `max` the extremes, in
@@ -59,7 +59,8 @@ class Row(NamedTuple):
         return rounded(value, self.std)
 
     def missing(self) -> str:
-        """Number of good runs in which it is not finite, in words; empty if there are none."""
+        """Number of successful runs in which it is not finite, in words; empty if there are
+        none."""
         counts = (("∞", self.above), ("-∞", self.below), ("not a number", self.undefined))
         return ", ".join(f"{words} in {count}" for words, count in counts if count)
 
@@ -82,7 +83,8 @@ class Row(NamedTuple):
 
 
 def row_of(name: str, unit: str, x: np.ndarray, runs: np.ndarray) -> Row:
-    """The row of a quantity with these values, those of all good runs, whose numbers are `runs`."""
+    """The row of a quantity with these values, those of all successful runs, whose numbers are
+    `runs`."""
     # In double precision, so that the moments of many runs of single precision are accurate.
     runs = runs[~np.isnan(x)]
     known = x[~np.isnan(x)].astype(float)

@@ -62,7 +62,7 @@ class FinalOutput(NamedTuple):
     """An output of the final state of a run.
 
     - `function`: of the state `y` and its time `t`, s; its unit is the one of the file.
-    - `si`: the unit in SI; `factor`: how many units of the file that is."""
+    - `si`: the unit in SI; `factor`: the conversion factor to units of the file."""
 
     function: Callable[..., Array]
     si: str

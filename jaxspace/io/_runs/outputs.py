@@ -178,7 +178,7 @@ class Outputs(eqx.Module):
                 q, s = jax.vmap(moving, in_axes=(0, -2, -2))(*curve)
                 values.append(q)
                 slopes.append(s)
-        # Several phases at once, because the extreme of the run may be in any of them.
+        # Several phases simultaneously, because the extreme of the run may be in any of them.
         extreme = greatest if spec.take.endswith("greatest") else least
         result = extreme(times, values, slopes or None)
         return result.time if spec.take.startswith("time") else result.value
