@@ -15,6 +15,7 @@ import sys
 from typing import NamedTuple
 
 import equinox as eqx
+import hunt_page
 import jax
 import jax.numpy as jnp
 import np_trace
@@ -29,7 +30,13 @@ DEFECT = 100.0
 FAR = 1e37
 # Derivatives of a function of more inputs take too long.
 MOST_INPUTS = 60
+# The same holds in both precisions.
+_OF_BOTH = (
+    *("gyropendulum_motion", "rate_gyro_response", "error_motion", "compass", "looking"),
+    *("gyro_rates", "burning_stage", "rolling_disk", "stable_platform"),
+)
 NOTES: dict[str, str] = {
+    **{name: hunt_page.NOTES[name] for name in _OF_BOTH},
     **dict.fromkeys(
         ("polhode_period", "cubic_period", "principal_spins", "large_nutation"),
         "a tilt from the separatrix, an axis or the vertical below 1e-19, whose square no number "

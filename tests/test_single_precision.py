@@ -18,6 +18,7 @@ from systems import GYRO, SAMPLES
 
 from jaxspace import Scene
 from jaxspace.attitude import SpinningMissile, TorqueFreeBody, YoYo
+from jaxspace.attitude.torque_free import space_cone_angle
 from jaxspace.bodies import BodyState, PrincipalInertia, RigidBody
 from jaxspace.core import InputError, Scalar, State
 from jaxspace.gyros import TwoGimbalGyro
@@ -234,6 +235,13 @@ def test_the_synodic_period_of_close_circles():
     np.testing.assert_allclose(found, 2.0 * math.pi / 1.5 * 2.0**20, rtol=2e-6)
     assert jnp.isinf(synodic_period(1.0, 1.0, 1.0))
     assert jax.grad(synodic_period)(1.0, 1.0, 1.0) == 0.0
+
+
+def test_the_space_cone_of_a_tilt_whose_square_underflows():
+    """Of a small tilt g of omega the angle is g (C - A) / C."""
+    omega, slope = (jnp.asarray(x, jnp.float32) for x in ([3e-25, 4e-25, 1.0], [0.6, 0.8, 0.0]))
+    found = jax.jvp(lambda w: space_cone_angle(w, 2.0, 3.0), (omega,), (slope,))
+    np.testing.assert_allclose(found, [5e-25 / 3.0, 1.0 / 3.0], rtol=1e-6)
 
 
 def test_derivatives_of_a_radial_motion_between_far_radii():

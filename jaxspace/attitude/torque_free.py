@@ -50,7 +50,7 @@ from ..bodies.inertia import AbstractInertia, as_inertia, kinetic_energy
 from ..bodies.newton_euler import angular_acceleration
 from ..core import AbstractSystem, Scalar, Vector, quantity
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
-from ..core.safe import safe_atan2, safe_sqrt
+from ..core.safe import safe_atan2
 from ..core.shapes import check_components
 from ..core.squares import safe_hypot, unit_factor
 from ..core.vectors import axis, components, norm
@@ -150,10 +150,10 @@ def space_cone_angle(omega: Vector, A: Scalar, C: Scalar) -> Scalar:
     check_components("space_cone_angle: omega", omega, 3)
     # The angle is the same at any rate.
     omega = unit_factor(*components(omega)) * omega
-    square = omega[0] * omega[0] + omega[1] * omega[1]
+    transverse = safe_hypot(omega[0], omega[1])
     # Of gamma - theta, without the difference, which loses digits for nearly equal moments.
-    across = safe_sqrt(square) * jnp.abs(omega[2]) * (C - A)
-    return safe_atan2(across, A * square + C * omega[2] * omega[2])
+    across = transverse * jnp.abs(omega[2]) * (C - A)
+    return safe_atan2(across, A * transverse * transverse + C * omega[2] * omega[2])
 
 
 @formula(A=POSITIVE, C=NOT_NEGATIVE)
