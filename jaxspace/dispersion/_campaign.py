@@ -1,4 +1,4 @@
-"""A campaign: from random inputs to a mission, and from its result to the outputs."""
+"""A campaign: maps random inputs to a mission, and its result to outputs."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar, final
@@ -38,7 +38,7 @@ def _as_pairs(limits: dict[str, T] | Sequence[tuple[str, T]]) -> tuple[tuple[str
 
 
 def _check_runs(built: tuple[Mission, State], samples: Mapping[str, Array]) -> None:
-    """Raise `InputError` if no array of the mission and its state carries the runs."""
+    """Raise `InputError` if no array of the mission and its state is batched."""
     runs = next(iter(samples.values())).shape
     leaves = jax.tree.leaves(built)
     # A function may close over the inputs.
@@ -62,7 +62,7 @@ class Campaign(AbstractCampaign):
     """A mission that is run many times with random inputs.
 
     - `build(samples) -> (mission, y0)`: the mission and its initial state from a dict of the
-      inputs, each (runs,). The runs are on the last axis: parameters are scalars or (runs,),
+      inputs, each (runs,). The batch axis is last: parameters are scalars or (runs,),
       vectors (3, runs) or (3, 1).
     - `inputs`: the distribution of each input, by name.
     - `outputs(result, samples) -> dict`: the outputs, each (runs,), from a `MissionTrajectory`,
@@ -188,7 +188,8 @@ class Campaign(AbstractCampaign):
         return within
 
     def refusal(self, samples: Mapping[str, ArrayLike]) -> str:
-        """Why a run with these inputs, each a number, is refused; empty if it is allowed."""
+        """The reason why a run with these inputs, each a number, is rejected; empty if it is
+        allowed."""
         for name, limit in self.limits:
             if not np.all(limit.contains(np.asarray(samples[name]))):
                 value = float(np.asarray(samples[name]))
@@ -214,17 +215,16 @@ class Campaign(AbstractCampaign):
         - `num_saved`: number of states of each phase that are saved.
         - `runs`: number of runs of the campaign, from which its program follows (`is_small`).
 
-        **Returns** a `Replay`: inputs and outputs, those of the campaign to the last bit, and the
-        trajectory. A run that fails has the status
-        for it.
+        **Returns** a `Replay`: inputs and outputs, bit-identical to those of the campaign, and the
+        trajectory. A run that fails has the status for it.
 
-        **Raises** `InputError` for a number below zero and for a refused run whose mission cannot
-        be built, and `SimulationError` where a function of the campaign that is called back raises
-        an error."""
+        **Raises** `InputError` for a negative number and for a rejected run whose mission cannot be
+        built, and `SimulationError` where a function of the campaign that is called back raises an
+        error."""
         return replay(self, number, seed, self.accuracy_for(accuracy), num_saved, runs)
 
     def text(self) -> str:
-        """The inputs in words, one on each line, and the design."""
+        """A description of the inputs, one on each line, and of the design."""
         lines = []
         for name, distribution in self.inputs.items():
             unit = f" [{self.units[name]}]" if self.units.get(name) else ""

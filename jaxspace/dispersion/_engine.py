@@ -1,4 +1,4 @@
-"""The verb of campaigns: many runs, by any engine, stored chunk by chunk."""
+"""The verb for campaigns: many runs, computed with any engine and stored in chunks."""
 
 import contextlib
 import dataclasses
@@ -80,7 +80,7 @@ def disperse(
     method: Literal["lincov", "second_order", "unscented"],
     accuracy: CampaignAccuracy = None,
 ) -> Moments:
-    """Mean and covariance, by a method that makes no runs."""
+    """Mean and covariance, from a method without runs."""
     ...
 
 
@@ -113,32 +113,33 @@ def disperse(
       a covariance without random runs (`moments`). Of the options below, these support `accuracy`
       only.
     - `seed`: seed of the random inputs. On the same kind of processor and with the same versions,
-      run number i has the same inputs and outputs, bit for bit, whatever `runs`, `chunk`, `engine`
-      and `devices` are, and also after a restart. Only campaigns large enough for a longer
-      compilation to pay off (`is_small`) use different steps.
+      run number i has bit-identical inputs and outputs for any `runs`, `chunk`, `engine` and
+      `devices`, and also after a restart. Only campaigns large enough for a longer compilation to
+      pay off (`is_small`) use different steps.
     - `chunk`: number of runs after which results are fetched and stored, rounded up to whole calls
       of 512 runs (2^14 on an accelerator). It bounds the memory.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
       campaign, or 1e-9. Or "by purpose" (`ByPurpose`): the loosest tolerance for which the
       numerical error of each output is below a twentieth of its sampling error.
-    - `store`: the path of a Zarr store, which gets every chunk as soon as it is finished. The
-      columns of the result are then read from it on demand.
+    - `store`: the path of a Zarr store, to which every chunk is written as soon as it is finished.
+      The columns of the result are then read from it on demand.
     - `overwrite`: whether an existing store may be replaced; otherwise it is an error.
     - `resume`: whether to complete an existing store: only chunks that are missing or damaged are
-      computed. With more `runs` than the store was planned for, the store is extended: its runs
-      keep their bits, and the others are those of a campaign that was planned for `runs`. Sobol
-      points keep their property if both numbers are powers of two; a Latin hypercube cannot be
-      extended. A store of another campaign is rejected, with the difference in the message.
+      computed. With more `runs` than the store was planned for, the store is extended: its runs are
+      unchanged, and the others are those of a campaign planned for `runs`. Sobol points remain
+      balanced if both numbers are powers of two; a Latin hypercube cannot be extended. A store of
+      another campaign is rejected, with the difference in the message.
     - `samples`: number of states that the store saves for every phase of every run, from its start
       to its end, besides the outputs; none by default, else at least 2.
     - `times`: times of the mission, s, at which the store saves the states of every run, instead of
       `samples`. The steps of the integration end at them.
 
       Each state belongs to the phase that covers its time; at the border of two phases, to the
-      earlier one, before its jump. Once a phase ends by an event or after a random duration, the
+      earlier one, before its jump. Once a phase ends at an event or after a random duration, the
       following phases start and end at different times in each run. That phase and all later ones
       then have a row for every one of the later times, and a run is NaN in the rows at which it is
-      in another phase or has ended. A time that no run of the first call reaches causes a warning.
+      in another phase or has ended. A time not reached by any run of the first call causes a
+      warning.
 
       If a controller samples a phase, times must not be in it or later, nor in or after an earlier
       phase whose end is unknown in advance.
@@ -151,10 +152,10 @@ def disperse(
     - `progress`: called as `progress(done, total)` after every chunk.
     - `devices`: number of local devices to use, or a list of them; by default all.
 
-    **Returns** a `Dispersion`, where a failed run is marked in its own row; with a method other
+    **Returns** a `Dispersion`, where a failed run is marked in its row; with a method other
     than "monte_carlo", the `Moments`.
 
-    **Raises** `InputError` for numbers that are not whole or not positive, for an option that the
+    **Raises** `InputError` for numbers that are not positive integers, for an option that the
     method does not support, and for a tolerance that the precision cannot reach; `StoreError` for a
     store that exists or cannot be written, before anything is computed where possible;
     `SimulationError` if the nominal run fails."""
@@ -220,7 +221,7 @@ def _check_extension(campaign: Campaign, planned: int, runs: int) -> None:
 
 def _refuse(options: Sequence[tuple[str, object, object]], method: str) -> None:
     """Raise `InputError` for one of the options about runs, (name, given, default), that is given
-    with a method that makes none."""
+    with a method without runs."""
     # Refused and not left aside: who asks for a store or for more runs expects them.
     for name, given, default in options:
         if given is not default and (default is None or given != default):
@@ -230,8 +231,8 @@ def _refuse(options: Sequence[tuple[str, object, object]], method: str) -> None:
 
 
 def _enter(writer: StoreWriter, engine: AbstractEngine, stack: contextlib.ExitStack) -> None:
-    """Lock the store for as long as the `stack` lasts, and warn `disperse`'s caller of a lock that
-    was left behind."""
+    """Lock the store for the lifetime of the `stack`, and warn the caller of `disperse` about a
+    stale lock."""
     # If several processes share the campaign, one holds the lock for all.
     if engine.leads:
         stack.enter_context(writer)

@@ -44,7 +44,7 @@ class MethodName(str):
 
 
 def as_method(method: Any) -> Any:
-    """Convert a method given by its name to a `MethodName`; a solver stays as it is."""
+    """Convert a method given by its name to a `MethodName`; a solver is unchanged."""
     return MethodName(method) if isinstance(method, str) else method
 
 
@@ -60,30 +60,30 @@ class Accuracy(AbstractParameters):
     - `atol`: in the unit of the block, by default a thousandth of `rtol`. It matters only for a
       block that is close to zero.
     - `method`: `"auto"` (see `select_method`), `"closed_form"`, or a diffrax solver with an error
-      estimate whose steps start from the state alone, such as every Runge-Kutta method. A
+      estimate whose steps start from the state only, such as every Runge-Kutta method. A
       fixed-step method uses its given number of steps. If their error exceeds the tolerance, the
       run is repeated with up to eight times as many, except under `jit`, in derivatives of a batch
       and in missions.
     - `max_steps`: maximum number of steps of a run. Reverse mode allocates memory for all of them:
       one number per step, or two per step and run with `AdaptiveRegularised`, where a short run is
       differentiated several times faster with a smaller limit. A run that would need more than half
-      of the memory for them is refused.
+      of the memory for them is rejected.
     - `max_step`: the longest step, s; by default as long as the tolerance allows. The vector field
       is sampled at the stages of the steps, so that a pulse much shorter than a step can be
       missed: choose half the length of the shortest pulse. Closed forms and systems that declare
       their `breaks` do not need it.
-    - `decoupled`: whether a part of the motion that has a closed form is computed by it, and only
-      the rest by the method (`AbstractSystem.decoupled`). An example is the rotation of a body on
-      which forces act, but no torque. By default "auto" decides: it does so if the turns of this
-      part would use many of `max_steps`, or if a first attempt ran out of steps. It does not under
+    - `decoupled`: whether a part of the motion with a closed form is computed with it, and only the
+      rest with the method (`AbstractSystem.decoupled`). An example is the rotation of a body under
+      forces without torque. By default "auto" decides: this is done if the revolutions of this part
+      would use many of `max_steps`, or if a first attempt reached this limit. It is not done under
       `jit` and in derivatives, where the numbers are unknown.
-    - `derivative_control`: whether the step control of a run that is differentiated looks at its
-      derivatives too, and repeats the run with shorter steps where those of the motion do not
-      resolve them: at or near an equilibrium, or where a parameter that is zero leaves nothing to
-      resolve. Without it a gradient is slightly faster. Derivatives by `AdaptiveRegularised` and by
+    - `derivative_control`: whether the step control of a differentiated run also monitors its
+      derivatives, and repeats the run with shorter steps if those chosen for the motion do not
+      resolve them: at or near an equilibrium, or where a zero parameter leaves nothing to resolve.
+      Without it a gradient is slightly faster. Derivatives by `AdaptiveRegularised` and by
       fixed-step methods use steps chosen from the motion only.
     - `chosen_at`: the largest tolerance for which "auto" chooses the method; by default `rtol`, and
-      above 1e-5 it is another one. With it runs at several tolerances are one program.
+      above 1e-5 it is a different one. It allows runs at several tolerances to share one program.
 
     The tolerances and `max_step` are traced: changing them causes no new compilation.
 
@@ -154,14 +154,14 @@ def check_tolerances(accuracy: Accuracy, runs: int | None) -> None:
 
 
 def check_number(name: str, value: object) -> None:
-    """Raise `InputError` for a text, a list or a complex number in the place of a number."""
+    """Raise `InputError` for text, lists or complex numbers instead of a number."""
     if isinstance(value, str | list | tuple | dict | complex | np.complexfloating):
         raise InputError(f"{name} is {value!r}: it must be a number.")
 
 
 def _check_kind(field: str, value: object, kinds: type | UnionType, allowed: str) -> None:
-    """Raise `InputError` for a value of another type. Here and not where the `Accuracy` is made,
-    because transformations of trees put placeholders in its fields."""
+    """Raise `InputError` for a value of another type. Checked here and not where the `Accuracy` is
+    created, because transformations of trees put placeholders in its fields."""
     if not isinstance(value, kinds):
         raise InputError(f"Accuracy.{field} is {value!r}: it must be {allowed}.")
 
@@ -238,9 +238,10 @@ def as_state(y0: PyTree) -> PyTree:
 
 def check_initial_state(y0: PyTree) -> None:
     """Raise `InputError` for an initial state that is not finite, or of mixed precision, and for
-    one with values with which no run can start: by the `check_start` of every part that has it.
+    values that are invalid at the start of a run, using the `check_start` of every part that has
+    it.
 
-    Traced numbers pass."""
+    Traced numbers are not checked."""
     state_dtype(y0)
     known = [x for x in jax.tree.leaves(y0) if is_concrete(x)]
     if not all(np.isfinite(np.asarray(x)).all() for x in known):

@@ -3,8 +3,8 @@
     t_e :  g(t_e, y(t_e)) = 0            dt_e = -(dg)/(g_t + g_y f)
 
 The search for the zero (`event_search`) is outside every derivative. One more correction of time
-and state, inside the derivatives, carries the exact first derivative through the event: how its
-time moves, and the state with it (the saltation).
+and state, inside the derivatives, provides the exact first derivative through the event: the change
+of its time, and of the state with it (saltation).
 
 A condition that touches zero without a change of sign has no crossing. A touch is the zero of the
 rate of the condition along the motion, where the condition is nearly zero:
@@ -56,33 +56,35 @@ MOST = 10**7
 
 @final
 class Event(HashedModule):
-    """A run stops where `condition(t, y)`, a scalar for each run, passes through zero.
+    """An event where `condition(t, y)`, a scalar for each run, passes through zero; it stops the
+    run.
 
     - `direction`: 1 for a rise, -1 for a fall along the run, 0 for both.
     - `within`, s: longest time that a phase waits for the event.
-    - `samples`: number of parts into which the span is cut for the search. Two zeros in the same
-      part are found if the samples around them bend towards zero; a narrower dip can be missed.
+    - `samples`: number of parts into which the time span is divided for the search. Two zeros in
+      the same part are found if the samples around them bend towards zero; a narrower dip can be
+      missed.
     - `touch`, in the unit of the condition: stop where the condition touches zero instead of where
-      it passes through, which is an extremum no farther from zero than this. `direction` 1 stops at
-      a minimum, -1 at a maximum. Without `touch`, rounding decides whether a touch is an event.
+      it passes through, that is, at an extremum within this distance of zero. `direction` 1 stops
+      at a minimum, -1 at a maximum. Without `touch`, rounding decides whether a touch is an event.
     - `at_start`: whether a zero at the start of the run, to rounding, is an event. By default it is
-      not, because the previous run usually ended at this zero. An event that happens together with
-      the one that ends a run is named in `Trajectory.happened`.
+      not, because the previous run usually ended at this zero. Simultaneous events of the one that
+      ends a run are marked in `Trajectory.happened`.
     - `terminal`: whether the event ends the run. With `False` the run continues, and
-      `Trajectory.crossings` contains every zero, up to `capacity` of them. The search then cuts the
-      span at the save times, into at least `samples` parts.
-    - `then`: with `terminal=False`, a function (t, y) -> y, as `Phase.then`, that replaces the
-      state at each zero, such as a ball that bounces. `Trajectory.crossings` then contains the
-      states on both sides, and the run ends at the first zero beyond `capacity`. Of events that are
-      zero at one time, within the resolution of the located time, all act in the order in which
-      they are listed, each on the state that the one before left; a terminal one ends the run after
-      them. Which these are is decided by the state before any jump: one that an earlier jump moves
-      away from its zero still acts, and one that it moves onto its zero does not.
-    - `passed`: for `Phase.until`, whether a run that is beyond the zero where the phase starts, as
-      below a height at which something opens on the way down, ends the phase at once. By default
-      it waits for the next zero.
+      `Trajectory.crossings` contains every zero, up to `capacity` of them. The search then divides
+      the span at the save times, into at least `samples` parts.
+    - `then`: with `terminal=False`, a function (t, y) -> y, like `Phase.then`, that replaces the
+      state at each zero, as for a bouncing ball. `Trajectory.crossings` then contains the states on
+      both sides, and the run ends at the first zero beyond `capacity`. Simultaneous events, within
+      the resolution of the located time, act in the listed order, each on the state left by the
+      previous one; a terminal one ends the run after them. They are determined from the state
+      before any jump: an event moved away from its zero by an earlier jump still acts, and one
+      moved onto its zero does not.
+    - `passed`: for `Phase.until`, whether the phase ends immediately if the run is beyond the zero
+      at its start, for example below the opening height of a parachute. By default it waits for the
+      next zero.
 
-    Raises `InputError` for another direction, a number of samples that is not from 2 to 1e7, a
+    Raises `InputError` for an invalid direction, a number of samples that is not from 2 to 1e7, a
     capacity that is not from 1 to 1e7, a `touch` or `within` that is not positive, a `then` of an
     event that ends the run, or `passed` without a direction or with a `touch`."""
 
@@ -120,7 +122,7 @@ class Event(HashedModule):
 
     def beyond(self, t: Scalar, y: State) -> Bool[Array, "*#runs"] | None:
         """The runs that are beyond the zero at the start `t`, s, of a phase, and end it there;
-        `None` where the event does not ask."""
+        `None` unless the event has `passed`."""
         if self.passed is None:
             return None
         return self.passed & (self.direction * self.condition(t, y) > 0.0)
@@ -139,7 +141,7 @@ class Event(HashedModule):
     def slope_along(
         self, system: HasVectorField, t: Scalar, y: State, rate: State
     ) -> tuple[Scalar, Scalar]:
-        """`slope` where the `rate` of the state is known."""
+        """`slope` for a known `rate` of the state."""
         return jax.jvp(lambda t, y: self.value(system, t, y), (t, y), (jnp.ones_like(t), rate))
 
 
@@ -169,7 +171,7 @@ def closures_of_events(events: tuple[Event, ...], t: Scalar, y: State) -> tuple[
 @final
 class _Field(eqx.Module):
     """A vector field with all of its arrays as leaves, also those that its functions close over: a
-    rule for derivatives sees leaves alone."""
+    derivative rule sees leaves only."""
 
     rate: Callable[[Scalar, State], State]
 
@@ -188,13 +190,13 @@ def newton_correct(
     *,
     located: bool = False,
 ) -> tuple[Scalar, State]:
-    """Time and state at the event, moved by one step of Newton's method along the motion; their
+    """Time and state at the event, corrected by one Newton step along the motion; their
     first and second derivatives are those of the event.
 
     **Arguments**
 
-    - `which`: the number of the event of each run, -1 for none, (*runs,).
-    - `located`: whether the state is at the event already. Then it does not move."""
+    - `which`: the index of the event of each run, -1 for none, (*runs,).
+    - `located`: whether the state is at the event already. Then it is unchanged."""
     t = jnp.broadcast_to(t, which.shape)
     field = _Field(eqx.filter_closure_convert(system.vector_field, t, y))
     return _corrected(t, y, which, field, closures_of_events(events, t, y), located)

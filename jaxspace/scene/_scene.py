@@ -5,7 +5,8 @@
 J and h include the contribution of moving parts to the inertia, and their angular momentum.
 
 The state contains the parts that the effects read or change (`Scene.parts`), and those named in
-`carry`. Every other part is `None`, hence no leaf of the state, of a batch or of a gradient.
+`carry`. Every other part is `None` and therefore not a leaf of the state, of a batch or of a
+gradient.
 
 Source: Thomson 5.6, 7.1, 7.7 for the sums; `jaxspace.bodies` for the equations of one body.
 """
@@ -65,12 +66,13 @@ def _as_effects(x: PyTree) -> tuple[AbstractEffect, ...]:
 class Scene(AbstractScene):
     """A body under effects, as a system.
 
-    `Scene([PointGravity(mu), Oblateness(mu, j2, radius)])` moves a point: position and velocity.
+    `Scene([PointGravity(mu), Oblateness(mu, j2, radius)])` is the motion of a point: position and
+    velocity.
 
     - `effects`: in any order.
     - `body`: mass properties; may be absent where no effect needs a mass or an inertia.
-    - `carry`: parts of the state to integrate although no effect needs them: `("attitude",)` lets a
-      body turn freely.
+    - `carry`: parts of the state to integrate although no effect requires them: with
+      `("attitude",)` a body rotates freely.
 
     Raises `InputError` when an effect requires a property that the body does not have; the message
     names both."""
@@ -155,13 +157,13 @@ class Scene(AbstractScene):
             )
 
     def check_values(self, t: Scalar, y: BodyState) -> None:
-        """Raise `InputError` for a `Custom` effect whose energy is not that of its load."""
+        """Raise `InputError` for a `Custom` effect whose energy is inconsistent with its load."""
         for effect in self.effects:
             if isinstance(effect, Custom):
                 effect.check_energy(jnp.asarray(t), y, self.body)
 
     def start(self, y: BodyState) -> BodyState:
-        """The state `y` with the extra parts that the effects integrate, as they start.
+        """The state `y` with the initial values of the extra parts that the effects integrate.
 
         Existing parts of `y` are left unchanged. Raises `InputError` where two effects
         integrate a part of the same name."""
@@ -216,8 +218,8 @@ class Scene(AbstractScene):
         return self.body.constant_mass() if y.mass is None else y.mass
 
     def outside(self, t: Scalar, y: BodyState) -> Flag | None:
-        """Whether more propellant was burnt than the body carries, all of a mass is gone, or an
-        effect no longer describes the state; `None` where none of this is possible."""
+        """Whether more propellant was burnt than available, the mass is exhausted, or the state is
+        outside the range of an effect; `None` where none of this is possible."""
         flags = [self._burnt_out(y), *(e.outside(t, y, self.body) for e in self.effects)]
         flags = [flag for flag in flags if flag is not None]
         return functools.reduce(operator.or_, flags) if flags else None
@@ -234,8 +236,8 @@ class Scene(AbstractScene):
         return y.mass < (1.0 - slack) * least
 
     def warning(self, ts: Array, states: BodyState, undisturbed: bool) -> RunWarning | None:
-        """The runs that pass below the ground that an effect states (`AbstractEffect.ground`);
-        `None` where none does."""
+        """The runs that pass below the surface defined by an effect (`AbstractEffect.ground`);
+        `None` without one."""
         # By their classes: each method of an instance is a separate module, slow to create.
         grounds = [(e, r) for e in self.effects if (r := type(e).ground(e)) is not None]
         if not grounds:
@@ -252,7 +254,7 @@ class Scene(AbstractScene):
         return Scene(tuple(effects), self.body, tuple(carry))
 
     def closed_form(self) -> AbstractClosedForm | None:
-        """Exact motion of a scene of nothing but one attraction by a point and free rotation."""
+        """Exact motion of a scene with a single point attraction and free rotation only."""
         return body_motion(self, self.effects)[0]
 
     def decoupled(self) -> AbstractDecoupled | None:
@@ -260,7 +262,8 @@ class Scene(AbstractScene):
         return scene_decoupled(self)
 
     def split(self) -> AbstractSplit | None:
-        """The motion in closed form as the drift, loads by position and attitude as the kick."""
+        """The motion in closed form as the drift, loads that depend on position and attitude as the
+        kick."""
         return scene_split(self)[0]
 
     def regularised(self) -> AbstractRegularised | None:

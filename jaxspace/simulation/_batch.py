@@ -51,21 +51,21 @@ def simulate_batch(
     in_axes: InAxes = None,
     throw: bool = False,
 ) -> Trajectory:
-    """`simulate` for many runs, with the runs on the last axis of every array.
+    """`simulate` for many runs, with the batch axis as the last axis of every array.
 
     **Arguments**
 
-    - `systems`, `y0s`: as in `simulate`. Which of their arrays carry runs follows from the declared
-      shapes: a field annotated `Float[Array, "3 *#runs"]` carries them if it has two axes. Arrays
-      of a system that declare nothing, such as the weights of a network, are shared; arrays of a
-      state that declare nothing carry runs.
+    - `systems`, `y0s`: as in `simulate`. The batched arrays follow from the declared shapes: a
+      field annotated `Float[Array, "3 *#runs"]` is batched if it has two axes. Arrays of a system
+      without an annotation, such as the weights of a network, are shared; arrays of a state without
+      an annotation are batched.
     - `ts`: save times, s, (times,) for all runs, or (times, runs).
     - `accuracy`, `events`, `dense`, `throw`: as in `simulate`.
-    - `in_axes`: overrides these shapes: a pair of trees for `systems` and `y0s`, as in `jax.vmap`,
-      of -1 (runs on the last axis) and `None` (shared).
+    - `in_axes`: overrides these shapes: a pair of pytrees for `systems` and `y0s`, as in
+      `jax.vmap`, of -1 (batch axis last) and `None` (shared).
 
-    **Returns** a `Trajectory` with the runs last and a `Status` for each. A failed run is marked in
-    its status. Some runs are repeated:
+    **Returns** a `Trajectory` with the batch axis last and a `Status` for each run. A failed run is
+    marked in its status. Some runs are repeated:
 
     - Outside of `jit`, with "auto", runs that reached the maximum number of steps are repeated with
       the method that suits their parameters and states, and with the exact part of their motion in
@@ -78,8 +78,8 @@ def simulate_batch(
     Only the derivative of a run may depend on them, within the tolerance, if a run of its block
     takes more than a few thousand steps.
 
-    **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
-    runs. `SimulationError`, if `throw`, for a failed run."""
+    **Raises** `InputError` as `simulate` does, and for arrays with different batch sizes.
+    `SimulationError`, if `throw`, for a failed run."""
     check_system("systems", systems, "simulate_mission_batch")
     systems = captured_as_leaves(systems)
     # A state that is not finite fails only its own run.

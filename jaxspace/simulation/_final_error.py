@@ -1,4 +1,4 @@
-"""The error at the end that a user asks for, in place of a tolerance.
+"""The final error requested by a user, instead of a tolerance.
 
 It complements `Accuracy`, which bounds the error of a step: the resulting error at the end depends
 on the motion. `_to_final_error.py` finds the tolerance.
@@ -42,31 +42,31 @@ class Measured(NamedTuple):
 @final
 @printed(relative="")
 class FinalError(HashedModule):
-    """The error that a run may have at its end: `simulate(..., accuracy=FinalError(position=1.0))`.
+    """The allowed error of a run at its end: `simulate(..., accuracy=FinalError(position=1.0))`.
 
     The verbs then repeat the run with smaller tolerances until the error estimated from the runs is
     below the requested one, and return the last run. Its `stats["final_error"]` is the estimate, in
     units of the requested error, `stats["final_error_evaluations"]` the evaluations of all runs,
     and `run.accuracy.rtol` the tolerance of the last. `stats["final_error_price"]` is the estimated
-    factor on the evaluations of the last run for a tenth of its error. Where the error cannot be
-    met the status is `FINAL_ERROR_MISSED`. The error of a closed form is its rounding error: the
-    estimate is three times the change due to rounding of the initial state and of the times.
+    factor on the evaluations of the last run for a tenth of its error. If the error cannot be
+    reached the status is `FINAL_ERROR_MISSED`. The error of a closed form is its rounding error:
+    the estimate is three times the change due to rounding of the initial state and of the times.
 
     **Arguments**
 
     - `relative`: of every block of the final state (position, velocity, mass, ...), relative to the
       largest length of this block at the save times, and a thousandth of its unit, as for a
       tolerance; or
-    - `blocks`: by name, the error of a block in its unit: `position=1.0, velocity=1e-3`. Those
-      which are not named are free. A block within another one has both names: `{"wheels.rate":
-      1e-3}` as keywords, `FinalError(**{...})`; or
-    - `output`: a function of the trajectory that returns a number or a tree of numbers, one for
-      each run, such as a height of apogee; and the error `within` which they are asked for, one for
-      all or a tree of the same form.
-    - `accuracy`: method and limits of the steps, without `rtol` and `atol`, which are found.
+    - `blocks`: by name, the error of a block in its unit: `position=1.0, velocity=1e-3`. Other
+      blocks are not constrained. A block within another one has both names: `{"wheels.rate": 1e-3}`
+      as keywords, `FinalError(**{...})`; or
+    - `output`: a function of the trajectory that returns a number or a pytree of numbers, one for
+      each run, such as an apogee height; and their allowed error `within`, one for all or a pytree
+      with the same structure.
+    - `accuracy`: method and limits of the steps, without `rtol` and `atol`, which are determined.
 
     **Raises** `InputError` for an error that is not positive, and unless exactly one of the three
-    ways of asking is taken."""
+    kinds of request is given."""
 
     relative: Float[Array | np.ndarray, ""] | None
     blocks: dict[str, Float[Array | np.ndarray, ""]]
@@ -106,8 +106,8 @@ class FinalError(HashedModule):
         self.output = output
 
     def measured(self, result: Simulated) -> Measured:
-        """The compared quantities of a result. Raises `InputError` for a block that the state has
-        not."""
+        """The compared quantities of a result. Raises `InputError` for a block that the state does
+        not have."""
         last = result.phases[-1]
         axes = last.run_axes
         status = result.status
@@ -137,7 +137,7 @@ class FinalError(HashedModule):
         return _of_one_precision([finals[name] for name in asked], asked.values(), *counts)
 
     def check_blocks(self, final: PyTree) -> None:
-        """Raise `InputError` for an error of a block that the final state has not."""
+        """Raise `InputError` for an error of a block that the final state does not have."""
         known = list(_named(final))
         for name in self.blocks:
             if not any(_belongs(block, name) for block in known):
@@ -151,8 +151,8 @@ class FinalError(HashedModule):
         return found[-1] if found else None
 
     def usual_tolerance(self, y0: PyTree, runs: tuple[int, ...] = ()) -> Array | np.ndarray | float:
-        """The tolerance with which a motion that neither forgets nor amplifies its errors would
-        have this error; of each of the `runs` of a batch by its own state."""
+        """The tolerance with which a motion that neither damps nor amplifies its errors would have
+        this error; for each of the `runs` of a batch from its state."""
         if self.relative is not None:
             return self.relative
         axes = run_axes_of(y0, lambda x: min(x.ndim, 1)) if runs else jax.tree.map(lambda _: 0, y0)
@@ -201,7 +201,7 @@ def rounding(a: Measured) -> Float[Array, "*runs"]:
 
 
 def _error(name: str, value: object) -> Array | np.ndarray:
-    """An error that is asked for, as an array; of NumPy where it is known, also under `jit`."""
+    """A requested error, as an array; a NumPy array if it is concrete, also under `jit`."""
     check_number(f"FinalError.{name}", value)
     with jax.ensure_compile_time_eval():
         number = as_float(value)

@@ -2,7 +2,7 @@
 
 The jump is any function (t, y) -> y, preferably an `equinox.Module` whose parameters are then part
 of the mission; it may change the structure of the state. Runs of a batch may have phases of
-different length, and events at different times.
+different durations, and events at different times.
 
 Where a phase has `branches`, the mission divides: each branch is a separate mission, which starts
 at the end of that phase."""
@@ -86,7 +86,7 @@ class Phase(HashedModule):
     - `system`: any system, or a `ClosedLoop` of one, whose controller starts again with the phase.
     - `until`: a duration, s, zero for an immediate jump, or an `Event` that sets its limit
       `within`.
-    - `then`: a function (t, y) -> y applied at the end; `None` leaves the state as it is.
+    - `then`: a function (t, y) -> y applied at the end; `None` leaves the state unchanged.
     - `name`: for tables and plots.
     - `branches`: missions that start at its end, from the state before its jump, in addition to the
       following phase.
@@ -129,17 +129,17 @@ class Phase(HashedModule):
 
     @property
     def moving(self) -> AbstractSystem:
-        """The system that moves, without its controller."""
+        """The system of the phase, without its controller."""
         system = self.system
         return system.system if isinstance(system, AbstractRunnable) else system
 
 
 @final
 class Mission(HashedModule):
-    """Phases, one after the other.
+    """Phases in sequence.
 
-    - `start`: a function (t, y) -> y before the first phase: for a branch the state of the part
-      from that of the whole; `None` leaves the state as it is.
+    - `start`: a function (t, y) -> y before the first phase: for a branch, the state of the part
+      from that of the whole; `None` leaves the state unchanged.
     - `name`: of a branch.
 
     Raises `InputError` without phases, and for duplicate names of phases or branches."""

@@ -1,4 +1,4 @@
-"""Many runs of a mission, integrated block by block."""
+"""Many runs of a mission, integrated in blocks."""
 
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
@@ -32,9 +32,9 @@ def simulate_mission_batch(
     in_axes: InAxes = None,
     throw: bool = False,
 ) -> MissionTrajectory:
-    """`simulate_mission` for many runs, with the runs on the last axis of every array.
+    """`simulate_mission` for many runs, with the batch axis as the last axis of every array.
 
-    The events of the phases happen at a different time in each run, and the durations of the phases
+    The events of the phases occur at a different time in each run, and the durations of the phases
     may differ between runs.
 
     **Arguments**
@@ -45,12 +45,12 @@ def simulate_mission_batch(
     - `accuracy`, `num_saved`, `throw`: as in `simulate_mission`.
     - `in_axes`: as in `simulate_batch`.
 
-    **Returns** a `MissionTrajectory` with the runs last and a `Status` for each. A failed run is
-    marked in its status. Runs are repeated as in `simulate_mission`. Devices, blocks and steps are
-    as in `simulate_batch`.
+    **Returns** a `MissionTrajectory` with the batch axis last and a `Status` for each run. A failed
+    run is marked in its status. Runs are repeated as in `simulate_mission`. Devices, blocks and
+    steps are as in `simulate_batch`.
 
-    **Raises** `InputError` as `simulate_mission` does, and for arrays that disagree about the
-    number of runs. `SimulationError`, if `throw`, for a failed run."""
+    **Raises** `InputError` as `simulate_mission` does, and for arrays with different batch sizes.
+    `SimulationError`, if `throw`, for a failed run."""
     check_mission("missions", missions, "simulate_batch")
     missions = captured_as_leaves(missions)
     y0s = as_state(y0s)

@@ -1,5 +1,4 @@
-"""`simulate`: from the initial state of a system to its trajectory, with an account of its
-accuracy."""
+"""`simulate`: the trajectory of a system from its initial state, with error estimates."""
 
 import contextlib
 import dataclasses
@@ -56,15 +55,15 @@ def simulate(
     dense: bool = False,
     throw: bool = True,
 ) -> Trajectory:
-    """Run a system from the state `y0`; `simulate_mission` runs a mission.
+    """Simulate a system from the state `y0`; use `simulate_mission` for a mission.
 
     **Arguments**
 
     - `system`: any `AbstractSystem`, such as a `Scene`.
     - `y0`: the initial state.
     - `ts`: save times, s. The first is that of `y0`; descending times run backwards.
-    - `accuracy`: the relative tolerance of each step, 1e-9 by default; an `Accuracy`; or the error
-      at the end that is asked for, a `FinalError`.
+    - `accuracy`: the relative tolerance of each step, 1e-9 by default; an `Accuracy`; or a
+      requested final error, a `FinalError`.
     - `events`: the run stops at the first zero of any of these. At the zeros of an event with
       `terminal=False` it continues, after the jump if the event has one, and every zero is returned
       (`Trajectory.crossings`).
@@ -77,13 +76,14 @@ def simulate(
 
     Outside of `jit` a run is repeated in two cases: with up to eight times as many steps if fixed
     steps missed the tolerance, and with the exact part of its motion in closed form
-    (`Accuracy.decoupled`) if its steps ran out. Also outside of `jit`, it issues the warnings of
-    the system about its run, such as that of a path below the ground (`Scene.warning`).
+    (`Accuracy.decoupled`) if it reached the maximum number of steps. Also outside of `jit`, it
+    issues the warnings of the system about its run, such as a path below the surface
+    (`Scene.warning`).
 
-    **Raises** `InputError`, before anything is compiled, for times that are not finite or neither
-    ascend nor descend; a tolerance that the precision cannot reach; a method that the system does
-    not support; an initial state that is not finite, has mixed precision or differs in structure
-    from its derivative; and a mission. `SimulationError` for a failed run; under `jit`, when the
+    **Raises** `InputError`, before anything is compiled, for times that are not finite or not
+    monotonic; a tolerance that the precision cannot reach; a method that the system does not
+    support; an initial state that is not finite, has mixed precision or differs in structure from
+    its derivative; and a mission. `SimulationError` for a failed run; under `jit`, when the
     compiled program runs."""
     check_system("system", system, "simulate_mission")
     events = as_events(events)

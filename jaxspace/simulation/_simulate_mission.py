@@ -1,4 +1,4 @@
-"""`simulate_mission`: the phases of a mission, one after the other, from an initial state."""
+"""`simulate_mission`: the phases of a mission in sequence, from an initial state."""
 
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
@@ -37,11 +37,11 @@ def simulate_mission(
     num_saved: int = 2,
     throw: bool = True,
 ) -> MissionTrajectory:
-    """Run a mission, phase by phase, from the state `y0`; `simulate` runs a system.
+    """Simulate a mission, phase by phase, from the state `y0`; use `simulate` for a system.
 
     **Arguments**
 
-    - `mission`: phases, each with its own system, its end and its jump.
+    - `mission`: phases, each with a system, an end and a jump.
     - `y0`: the initial state of the first phase.
     - `t0`: the time at which it starts, s.
     - `accuracy`: the relative tolerance of each step, 1e-9 by default; an `Accuracy`; or a
@@ -53,15 +53,15 @@ def simulate_mission(
     forward and in reverse mode, with respect to every number in `mission` and `y0`, and to `t0`.
     Under `jax.vmap` the runs are integrated as by `simulate_mission_batch`.
 
-    Outside of `jit` a mission is repeated as a run of `simulate` is: with more steps in a phase
+    Outside of `jit` a mission is repeated like a run of `simulate`: with more steps in a phase
     whose fixed steps missed the tolerance, and with the exact parts of its motion in closed form if
-    its steps ran out. Also outside of `jit`, it issues the warnings of the systems about their
-    runs, such as that of a path below the ground (`Scene.warning`).
+    it reached the maximum number of steps. Also outside of `jit`, it issues the warnings of the
+    systems about their runs, such as a path below the surface (`Scene.warning`).
 
-    **Raises** `InputError`, before anything is compiled, for a start that is not one time; a
+    **Raises** `InputError`, before anything is compiled, for a start time that is not a scalar; a
     tolerance that the precision cannot reach; a method that a phase does not support; a state that
-    is not finite, has mixed precision or differs in structure from its derivative; a jump that
-    returns no state; and a system. `SimulationError`, with the phase, for a failed run; under
+    is not finite, has mixed precision or differs in structure from its derivative; a jump that does
+    not return a state; and a system. `SimulationError`, with the phase, for a failed run; under
     `jit`, when the compiled program runs."""
     check_mission("mission", mission, "simulate")
     if isinstance(accuracy, FinalError):

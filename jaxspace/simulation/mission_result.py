@@ -1,4 +1,4 @@
-"""Result of a mission: the results of its phases by number and name, and its branches by name."""
+"""Result of a mission: the results of its phases by index and name, and its branches by name."""
 
 import dataclasses
 import functools
@@ -48,7 +48,7 @@ class MissionTrajectory(HashedModule):
     - `phases`, `names`: a `Trajectory` for each phase, and their names.
     - `final`, `end`: state after the last jump of each run, and its time, s.
     - `status`: first failure of each run, branches included, or else the status of its last phase.
-    - `branches`, `branch_names`: where each branch ends, and their names."""
+    - `branches`, `branch_names`: the end of each branch, and their names."""
 
     phases: tuple[Trajectory, ...]
     names: tuple[str, ...] = eqx.field(static=True)
@@ -59,7 +59,7 @@ class MissionTrajectory(HashedModule):
     branch_names: tuple[str, ...] = eqx.field(static=True, default=())
 
     def __getitem__(self, phase: int | str) -> Any:
-        """The result of a phase, by its number or its name, or a branch by its name. Raises
+        """The result of a phase, by its index or name, or a branch by its name. Raises
         `InputError` for an unknown name."""
         if isinstance(phase, str):
             if phase in self.branch_names:
@@ -133,7 +133,7 @@ class MissionTrajectory(HashedModule):
 
     @property
     def accuracy(self) -> Accuracy:
-        """Accuracy of the mission, as the caller gave it."""
+        """Accuracy of the mission, as passed by the caller."""
         return self.phases[0].accuracy
 
     def of(self, i: int) -> "MissionTrajectory":

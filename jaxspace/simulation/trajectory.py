@@ -41,14 +41,14 @@ T = TypeVar("T")
 
 @final
 class Trajectory(HashedModule):
-    """Result of a run or of a batch of runs. Axes are components, then times, then runs.
+    """Result of a run or of a batch of runs. The axes are components, times, runs.
 
     - `ts`: save times, s, (times,) or (times, runs). If an event stopped a run, its later times
       are the time of the event.
     - `states`: the states at these times: a position is (3, times) or (3, times, runs).
-    - `status`: a `Status` for each run, (*runs,). A failed run has NaN in place of all states that
-      it did not reach within the tolerance.
-    - `event`: number of the event that stopped the run, -1 for none.
+    - `status`: a `Status` for each run, (*runs,). In a failed run, states that were not reached
+      within the tolerance are NaN.
+    - `event`: index of the event that stopped the run, -1 for none.
     - `happened`: whether each event happened at that time, (events, *runs): several conditions can
       be zero simultaneously.
     - `stats`: steps, evaluations of the vector field, largest local error in units of the
@@ -62,7 +62,7 @@ class Trajectory(HashedModule):
     - `call`: system and settings of the run; `None` within `Campaign.outputs`, whose functions have
       access to the numbers only.
 
-    It is read as the result of a mission of one phase, too: `phases`, `end`, `branches`,
+    It can also be used like the result of a mission with one phase: `phases`, `end`, `branches`,
     `evaluations`."""
 
     ts: Float[Array, "times *#runs"]
@@ -79,12 +79,12 @@ class Trajectory(HashedModule):
 
     @property
     def system(self) -> AbstractSystem:
-        """The system, as the caller gave it. Raises `InputError` within `Campaign.outputs`."""
+        """The system, as passed by the caller. Raises `InputError` within `Campaign.outputs`."""
         return self._known_call.system
 
     @property
     def accuracy(self) -> Accuracy:
-        """The accuracy, as the caller gave it. Raises as `system` does."""
+        """The accuracy, as passed by the caller. Raises as `system` does."""
         return self._known_call.accuracy
 
     @property
@@ -114,7 +114,7 @@ class Trajectory(HashedModule):
     @property
     @no_method
     def phases(self) -> "tuple[Trajectory, ...]":
-        """The run itself: a system is a mission of one phase."""
+        """The run itself, as a mission with one phase."""
         return (self,)
 
     @property
@@ -125,7 +125,7 @@ class Trajectory(HashedModule):
     @property
     @no_method
     def branches(self) -> tuple[()]:
-        """None: a system does not divide."""
+        """Empty: a system has no branches."""
         return ()
 
     @property
@@ -175,12 +175,12 @@ class Trajectory(HashedModule):
     def at(self, t: Scalar) -> State:
         """The state at the time `t`, s, between the save times, as accurate as the steps.
 
-        It takes one step of the method from the last step end before `t`. For several times, map
-        it: `jax.vmap(run.at, out_axes=-1)(ts)`. The state is NaN outside of the run, and where a
-        failed run did not get to.
+        It performs one step of the method from the last step end before `t`. For several times,
+        vectorise it: `jax.vmap(run.at, out_axes=-1)(ts)`. The state is NaN outside of the run, and
+        at times not reached by a failed run.
 
-        **Raises** `InputError` for a run without `dense=True`, which closed forms do not need, and
-        for a run that jumps in place (`Event.then`)."""
+        **Raises** `InputError` for a run without `dense=True`, unless it is a closed form, and for
+        a run with in-place jumps (`Event.then`)."""
         if self._jumps:
             raise InputError(
                 "The run contains jumps (Event.then) and stores no states between its saved times: "
@@ -195,21 +195,21 @@ class Trajectory(HashedModule):
     @property
     def has_steps(self) -> bool:
         """Whether `at` gives the states between the save times: of a closed form, or of a run with
-        `dense=True`, and without jumps on its way."""
+        `dense=True`, and without jumps."""
         exact = self.call is not None and self.config.method == "closed_form"
         return not self._jumps and (exact or self.dense is not None)
 
     @property
     def _jumps(self) -> bool:
-        """Whether the run jumps in place, at events with `then`."""
+        """Whether the run has in-place jumps, at events with `then`."""
         return any(result.after is not None for result in self.crossings)
 
     def with_steps(self) -> "tuple[Trajectory, ...]":
-        """The run with its steps, so that `at` gives the state at any time, in parts that follow
-        one another: from each jump in place (`Event.then`) to the next.
+        """The run with its steps, so that `at` gives the state at any time, in consecutive parts:
+        from each in-place jump (`Event.then`) to the next.
 
-        It is the run itself where that `has_steps`. Otherwise it is repeated from its first state,
-        by the same method and with the same tolerances, up to its last finite state.
+        It is the run itself if it `has_steps`. Otherwise it is repeated from its first state, with
+        the same method and tolerances, up to its last finite state.
 
         **Raises** `InputError` for a batch (use `run.of(i)`) and for a closed loop."""
         if self.control is not None:
@@ -286,8 +286,8 @@ class Trajectory(HashedModule):
     def along(self, function: Callable[[AbstractSystem, Scalar, State], PyTree]) -> PyTree:
         """`function(system, t, y)` of one time and one state, at every time of every run.
 
-        Times and runs are the last axes of the result. Formulas of the library need no `along`:
-        they apply to `states` as they are."""
+        Times and runs are the last axes of the result. Formulas of the library do not need `along`:
+        they apply to `states` directly."""
         times = jax.vmap(function, in_axes=(None, -1, -1), out_axes=-1)
         if self.run_axes == 0:
             return times(self.system, self.ts, self.states)
@@ -314,10 +314,10 @@ class Trajectory(HashedModule):
 
         The change of the state when the run is repeated with a hundredth of the tolerance (and half
         the `max_step`, or twice as many fixed steps); for a closed form, when the duration is
-        divided into two parts. NaN where the steps of the repetition run out. A pulse that both
-        runs miss goes unnoticed (`Accuracy.max_step`).
+        divided into two parts. NaN if the repetition reaches the maximum number of steps. A pulse
+        missed by both runs goes unnoticed (`Accuracy.max_step`).
 
-        **Raises** `InputError` for a run that jumps in place on its way, or had a controller."""
+        **Raises** `InputError` for a run with in-place jumps or with a controller."""
         self.check_repeatable("error")
         again = final_state_again(
             self.system, self.initial, self.ts, self.config.tightened(0.01), self.run_axes
@@ -343,7 +343,7 @@ class Trajectory(HashedModule):
         return dataset_of(self.ts, self.states, self.status, self.run_axes)
 
     def plot(self) -> "Figure":
-        """A figure of the run: its path, orbit or axis, as far as the states show one."""
+        """A figure of the run: its path, orbit or axis, depending on the states."""
         # Imported here, because matplotlib is an extra, and slow to import.
         from ..plots import trajectory_figure
 
