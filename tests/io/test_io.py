@@ -223,7 +223,11 @@ BAD = {
     ),
     "cycles_for_a_rate": ('"60 rpm"]', '"1 Hz"]', ["initial.omega.2", '"1 Hz"', "rad/s"]),
     "no_inertia": ('inertia = ["1031', '# inertia = ["1031', ["body.inertia is missing", "kg m^2"]),
-    "no_j2": ("j2 = 1.08262668e-3", "", ["planet.j2 is missing", "the effect oblateness needs it"]),
+    "no_j2": (
+        "j2 = 1.08262668e-3",
+        "",
+        ["planet.j2 is missing", "the effect oblateness requires it"],
+    ),
     "no_impulse": (
         'total_impulse = "5.80 MN s"',
         "",
@@ -279,7 +283,11 @@ BAD = {
         ["initial.attitude.tilt is 0", "a list of 2 entries"],
     ),
     "no_end_of_phase": ('until = "burnout"', "", ["phase.0", "duration", "until", "burnout"]),
-    "same_name": ('name = "coast"', 'name = "burn"', ["phase.1.name", '"burn"', "another name"]),
+    "same_name": (
+        'name = "coast"',
+        'name = "burn"',
+        ["phase.1.name", '"burn"', "not used by an earlier phase"],
+    ),
     "no_runs": ("runs = 10000", "runs = 0", ["dispersion.runs is 0", "above zero"]),
     "deviation_of_another_kind": (
         '{ deviation = "2 kg" }',
@@ -336,15 +344,15 @@ def test_bad_scenes_get_one_clear_line(scene, tmp_path, case):
         ),
         (
             TWO_BODY.replace("radius =", "# radius ="),
-            ["planet.radius is missing", "initial.orbit needs it"],
+            ["planet.radius is missing", "initial.orbit requires it"],
         ),
         (
             TWO_BODY.replace("mu =", "# mu ="),
-            ["planet.mu is missing", "system needs it"],
+            ["planet.mu is missing", "system requires it"],
         ),
         (
             TWO_BODY.replace("[initial.orbit]", "[initial]\nomega = [0, 0, 1]\n[initial.orbit]"),
-            ["initial has omega and no attitude"],
+            ["initial has omega but not attitude"],
         ),
         (
             TWO_BODY + "[initial.attitude]\nangles = [0, 0, 0]\n[initial]\nomega = [0, 0, 1]\n",
@@ -375,7 +383,7 @@ def test_an_effect_that_refers_to_another_one_needs_it(scene):
         '"thrust", "jet_damping"]\nuntil = "burnout"', '"jet_damping"]\nduration = 9'
     )
     with pytest.raises(
-        SceneError, match=r"jet_damping needs .* mass rate .* one of steered_thrust"
+        SceneError, match=r"jet_damping requires .* mass rate .* one of steered_thrust"
     ):
         scene(text)
 

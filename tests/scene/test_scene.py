@@ -166,9 +166,11 @@ def test_what_is_missing_is_said(make, sentence):
 
 
 def test_a_missing_part_of_the_state_is_named_with_its_effect():
-    with pytest.raises(InputError, match="Oblateness needs position|PointGravity needs position"):
+    with pytest.raises(
+        InputError, match="Oblateness requires position|PointGravity requires position"
+    ):
         Scene((PointGravity(MU), Oblateness(MU, J2, RADIUS))).vector_field(T, BodyState())
-    with pytest.raises(InputError, match="Thrust needs attitude"):
+    with pytest.raises(InputError, match="Thrust requires attitude"):
         rocket_scene().vector_field(T, orbit(mass=jnp.array(10.0)))
 
 
