@@ -109,7 +109,7 @@ class Scene(AbstractScene):
                     "give body=RigidBody(mass=...) or carry=('mass',)."
                 )
             if ROTATION & reading.needs or TURNING & reading.adds:
-                self._check_inertia(f"{name} needs")
+                self._check_inertia(f"{name} requires")
         if ROTATION & set(parts):
             self._check_inertia("Scene.carry requires")
 

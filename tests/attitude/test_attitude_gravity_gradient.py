@@ -224,6 +224,6 @@ def test_what_it_refuses():
     with pytest.raises(InputError, match="GravityGradient.mu is -1"):
         GravityGradient(-1.0)
     with pytest.raises(
-        InputError, match="GravityGradient needs a rotating body, and the body has no inertia"
+        InputError, match="GravityGradient requires a rotating body, and the body has no inertia"
     ):
         Scene((PointGravity(1.0), GravityGradient(1.0)), RigidBody(1.0))

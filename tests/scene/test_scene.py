@@ -139,7 +139,7 @@ def test_explain_names_every_effect():
     [
         (
             lambda: Scene((motor(),), RigidBody(10.0)),
-            "Thrust needs a rotating body, and the body has no inertia",
+            "Thrust requires a rotating body, and the body has no inertia",
         ),
         (lambda: Scene((), RigidBody(10.0), ("attitude",)), "Scene.carry requires a rotating body"),
         (lambda: Scene((), carry=("spin",)), r"Scene.carry names \['spin'\]"),
