@@ -301,7 +301,7 @@ def test_names_are_listed_and_numbers_have_the_order_of_the_result():
     names = tuple(leg.name for leg in legs_of(parted().mission)[0])
     assert names == ("ascent", "coast", "booster.up", "booster.fall", "booster.cap.fall")
     text = listing(word="branches of a mission")
-    assert "branch.NAME" in text and "after: the phase at whose end" in text
+    assert "branch.NAME" in text and "after: name of the phase at whose end" in text
     assert tomllib.loads(FILE)["branch"]["booster"]["after"] == "ascent"
 
 

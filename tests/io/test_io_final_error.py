@@ -103,7 +103,7 @@ def test_a_tolerance_is_rounded_down(tolerance, rounded):
         (ASKED.replace("position", "positon"), "", "final_error.positon .* Did you mean position?"),
         (ASKED.replace('1 m"', '1 kg"'), "", "final_error.position is .* unit of length"),
         (ASKED.replace('1 m"', '0 m"'), "", 'final_error.position is "0 m".* positive'),
-        ('final_error = { omega = "1 deg/s" }', "", "final_error.omega is not a part"),
+        ('final_error = { omega = "1 deg/s" }', "", "final_error.omega is not a known part"),
         ('final_error = { mass = "1 g" }', "", "one of position, velocity"),
         (ASKED, "accuracy = 1e-9", "final_error is given together with accuracy"),
     ],
