@@ -1,4 +1,4 @@
-"""A system, a controller that acts at samples, and the sensors between them.
+"""A system, a sampled controller, and the sensors between them.
 
     u(t) = K(z_k)                                    t_k <= t < t_k + T         zero-order hold
     u(t) = u_k + (u_k - u_{k-1}) (t - t_k) / T                                  first-order hold
@@ -49,24 +49,25 @@ def _as_sensors(x: object) -> Any:
 
 @final
 class ClosedLoop(AbstractSampledLoop):
-    """A system under a controller that acts at samples: `ClosedLoop(scene, law, period=0.1)`.
+    """A system with a sampled controller: `ClosedLoop(scene, law, period=0.1)`.
 
     - `system`: a scene or any system with actuators, such as `CommandedTorque`.
     - `controller`: an `AbstractController`, or a function `(measured) -> command` or
       `(t, measured) -> command`, such as an `equinox` network.
-    - `sensors`: by name; the controller gets their readings by name. Without sensors it gets the
-      state.
+    - `sensors`: by name; the controller receives their readings by name, or the state without
+      sensors.
     - `period`: between two samples, s; the first one is at the start of the run.
-    - `hold`: "zero" holds a command until the next one, "first" extrapolates the line through the
-      last two.
+    - `hold`: "zero" keeps a command until the next one, "first" extrapolates linearly from the last
+      two.
     - `delay`, s: until a command reaches the actuators; before the first, the command is zero.
-    - `limit`, `quantum`: largest command, and step between commands, of each component or of all.
+    - `limit`, `quantum`: largest command, and quantisation step of commands, per component or for
+      all.
     - `actuate`: a function (system, command) -> system, instead of the fields `command`.
     - `steps`: fixed steps between two samples.
     - `key`: of the noise, for runs without a key; for a batch of missions one for each run.
     - `longest`: the longest duration of the loop as a phase whose duration is traced, s.
 
-    As the `system` of a `Phase` a loop runs in a mission, and so in a campaign.
+    As the `system` of a `Phase` a loop can be used in a mission, and therefore in a campaign.
 
     Raises `InputError` for a period, a delay or a `longest` that is not a concrete time, and for an
     unknown hold."""
@@ -170,7 +171,7 @@ class ClosedLoop(AbstractSampledLoop):
         memory: PyTree = None,
         throw: bool = True,
     ) -> LoopRun:
-        """Run the loop from the state `y0`.
+        """Simulate the loop from the state `y0`.
 
         **Arguments**
 
@@ -209,8 +210,8 @@ class ClosedLoop(AbstractSampledLoop):
         """A batch of runs: the batch axis is the last one of the states, and of parameters of the
         system, the controller or a sensor annotated with it.
 
-        Arguments, results and errors as of `simulate`; unless `throw`, a failed run only has the
-        status of its failure. `start` is a number, or (runs,). The noise of run j has the key
+        Arguments, results and errors as in `simulate`; unless `throw`, a failed run is only marked
+        in its status. `start` is a number, or (runs,). The noise of run j has the key
         `jax.random.split(key, runs)[j]`, which reproduces this run individually."""
         options = LoopOptions(key, accuracy, steps, events, start, memory)
         return run_loop(self, y0s, ts, options, 1, throw=throw)

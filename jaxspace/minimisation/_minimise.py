@@ -1,10 +1,10 @@
-"""A local minimum under constraints and bounds, by gradients.
+"""Gradient-based local minimisation under constraints and bounds.
 
     minimise f(x)   subject to   c(x) = 0,   d(x) >= 0,   a <= x <= b
 
 Files: `_scaling.py`, `_search.py`, `_sqp.py` (quadratic programmes), `_descent.py` (optimisers of
 optax), `_bounds.py`. Valid for smooth functions; the quadratic programmes for up to a few hundred
-unknowns. `f` may be infinite outside its domain: the search turns back.
+unknowns. `f` may be infinite outside its domain: the search backtracks.
 """
 
 import functools
@@ -53,14 +53,13 @@ def minimise(
     **Arguments**
 
     - `problem`: a function from a point to its `Criterion`.
-    - `start`: the point at which the descent begins, a tree of floats, moved to the nearest one
-      within the bounds; or a `Minimum` whose search
-      ended early, to be continued with the same options.
-    - `optimiser`: "sqp" for quadratic programmes, which need the fewest evaluations where there are
-      many constraints; or any optimiser of optax, such as `optax.adam(1e-2)` or `optax.lbfgs()`.
-      Its rates are in sizes of the unknowns; constraints are met by multipliers (an augmented
-      Lagrangian), and the best point is returned. Most require more steps than the default of
-      `max_steps`.
+    - `start`: the starting point, a pytree of floats, moved to the nearest one within the bounds;
+      or a `Minimum` whose search ended early, to be continued with the same options.
+    - `optimiser`: "sqp" for sequential quadratic programming, which needs the fewest evaluations
+      with many constraints; or any optimiser of optax, such as `optax.adam(1e-2)` or
+      `optax.lbfgs()`. Its rates are in units of `scale`; constraints are handled with multipliers
+      (an augmented Lagrangian), and the best point is returned. Most require more steps than the
+      default of `max_steps`.
     - `bounds`: a pair of lower and upper bounds, each a pytree like `start`, a number or `None`.
     - `tolerance`: for the gradient and for the violation, both scaled.
     - `max_steps`: the largest number of steps.
@@ -73,7 +72,7 @@ def minimise(
     - `scale`: typical sizes of the unknowns, a pytree like `start`; by default the range of the
       bounds, or the larger of the start and 1. Objective and constraints are scaled by their
       derivatives at the start, or by their values where those derivatives are far smaller.
-      Convergence is judged by those at the result, with which the search continues where the start
+      Convergence is assessed with those at the result, with which the search continues if the start
       was much steeper.
     - `progress`: called after each step with its number, objective, scaled violation and
       gradient; not under `jit`. Ctrl-C ends such a search with the best result so far, from its
@@ -81,8 +80,8 @@ def minimise(
     - `store`: the path of a file in which the search saves its state; not under `jit`.
     - `resume`: whether to continue from that file, if it exists, after an interrupted process: with
       bit-identical steps.
-    - `forward_ratio`: number of unknowns for each objective and constraint up to which derivatives
-      are taken by forward mode, and beyond it by reverse mode; 0 for reverse mode.
+    - `forward_ratio`: number of unknowns per objective and constraint up to which derivatives are
+      computed in forward mode, and beyond it in reverse mode; 0 for reverse mode.
 
     **Returns** the `Minimum`, which reports in `converged` whether the tolerance was reached and in
     `sentence()` why the search ended. It is not differentiable with respect to closed-over values
@@ -145,7 +144,7 @@ def minimise_from(
     **Arguments**
 
     - `problem`: as in `minimise`.
-    - `starts`: trees whose arrays carry the starts on the last axis.
+    - `starts`: pytrees whose arrays have the starts on the last axis.
     - The others: as in `minimise`, for every start.
 
     **Returns** the best one, with the least objective among those that converged, or the least

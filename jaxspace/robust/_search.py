@@ -1,4 +1,4 @@
-"""The best design under dispersion, on a sample that is drawn once.
+"""Design optimisation under dispersion, on a sample that is drawn once.
 
     minimise S_0(f(x, w_1), ..., f(x, w_n))   subject to   S_k(...) <= a_k,   a <= x <= b
 
@@ -62,24 +62,23 @@ def optimise_design(
     **Arguments**
 
     - `campaign`: a function from a design to its `Campaign`. Mission, outputs and distributions may
-      depend on the design. Runs are placed by the campaign's `design`, or on Sobol points.
-    - `start`: the design at which the search begins, a tree of floats.
-    - `minimise`: a statistic of an output, such as `Quantile("propellant", 0.99)`; or `maximise`,
-      where it is to be greatest.
+      depend on the design. Runs follow the campaign's sampling `design`, or Sobol points.
+    - `start`: the design at the start of the search, a pytree of floats.
+    - `minimise`: a statistic of an output, such as `Quantile("propellant", 0.99)`; or `maximise` to
+      maximise it.
     - `subject_to`: limits of statistics, such as `Quantile("impact_speed", 0.99).at_most(6.0)`.
     - `bounds`, `scale`, `optimiser`, `tolerance`, `max_steps`, `progress`: as in
       `jaxspace.optimization.minimise`. The default of `tolerance` is far below the sampling error.
     - `runs`: number of runs; by default a power of two from 1024 on with at least twenty runs
       beyond each quantile.
     - `seed`: of the runs. All designs have the same runs, drawn once.
-    - `nominal`: whether the nominal run alone is optimised, for comparison; `runs`, `seed` and
+    - `nominal`: whether only the nominal run is optimised, for comparison; `runs`, `seed` and
       `may_fail` then have no effect. Every statistic is the output of that run, and a share of
-      violations is the distance of the output beyond its limit.
+      violations is the excess of the output over its limit.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
       campaign.
     - `may_fail`: the share of the runs that may fail, from 0 on. They are left out of the
       statistics; the search rejects a design at which more fail.
-
     - `store`: the path of a file in which the search saves its state.
     - `resume`: whether to continue from that file, if it exists, after an interrupted process: with
       bit-identical steps.

@@ -47,7 +47,7 @@ class Dispersion(HashedModule):
     - `status`: the code of the `Status` of each run.
     - `evaluations`: of the vector field, of each run.
     - `units`: of inputs and outputs, by name.
-    - `seed`: of the random numbers; `seconds`: wall time; with several hosts, the longest.
+    - `seed`: of the random numbers; `seconds`: wall time, the longest one with several hosts.
     - `attributes`: the record of the computation of the runs.
     - `numbers`: of the runs; from 0 on by default.
     - `store`: where they are stored; empty if they are not.
@@ -66,7 +66,7 @@ class Dispersion(HashedModule):
 
     @property
     def runs(self) -> int:
-        """The number of runs, good and bad."""
+        """The number of runs, successful and failed."""
         return len(self.status)
 
     @property
@@ -101,8 +101,8 @@ class Dispersion(HashedModule):
 
     @property
     def requirements(self) -> dict[str, tuple[float | None, float | None]]:
-        """The least and the greatest value that is allowed of each output that has a requirement,
-        `None` for no such limit."""
+        """The least and the greatest allowed value of each output with a requirement, `None`
+        without a limit."""
         return {name: (one.low, one.high) for name, one in self._required.items()}
 
     @property
@@ -119,8 +119,7 @@ class Dispersion(HashedModule):
 
     @property
     def utilisation(self) -> float:
-        """The share of these cores that was at work while the runs were computed; NaN where that is
-        not known."""
+        """The utilisation of these cores while the runs were computed; NaN if unknown."""
         computing = self.seconds - self.attributes.get("preparation_seconds", 0.0)
         busy = self.attributes.get("cpu_seconds", 0.0)
         # Zero if nothing was computed, or nothing was recorded.
@@ -129,8 +128,7 @@ class Dispersion(HashedModule):
 
     @property
     def purpose(self) -> Purpose | None:
-        """The tolerance that was found where the accuracy was asked for "by purpose"; `None` where
-        it was given."""
+        """The tolerance determined for an accuracy "by purpose"; `None` for a given one."""
         found = self.attributes.get("by_purpose")
         return None if found is None else Purpose(**found)
 
@@ -141,13 +139,13 @@ class Dispersion(HashedModule):
 
     @property
     def failed(self) -> tuple[Failure, ...]:
-        """The bad ends, the most frequent first; empty when every run is good."""
+        """The failures, the most frequent first; empty if every run succeeded."""
         return Listed(failures_of(self.status[~self.good]))
 
     def values(self, name: str) -> np.ndarray:
         """An output or input by name, over all runs.
 
-        Raises `InputError` for a name that is neither."""
+        Raises `InputError` for an unknown name."""
         # One by one, because a column of a store is read on demand.
         for kind in (self.inputs, self.outputs):
             if name in kind:
@@ -172,7 +170,7 @@ class Dispersion(HashedModule):
         - `condition`: booleans, (runs,), or a function from the inputs and outputs by name, each
           (runs,), to them.
 
-        **Raises** `InputError` for another shape or type, and where no run meets the condition."""
+        **Raises** `InputError` for another shape or type, and if no run satisfies the condition."""
         given = condition({**self.inputs, **self.outputs}) if callable(condition) else condition
         mask = np.asarray(given)
         if mask.dtype != bool or mask.shape != (self.runs,):
@@ -210,7 +208,7 @@ class Dispersion(HashedModule):
         return "\n".join([*lines, f"  and {more} more"] if more else lines)
 
     def label(self, name: str) -> str:
-        """A name in words with its unit, for tables and axes."""
+        """A readable name with its unit, for tables and axes."""
         unit = self.units.get(name, "")
         return in_words(name) + (f" [{unit}]" if unit not in ("", "1") else "")
 
@@ -218,7 +216,7 @@ class Dispersion(HashedModule):
         """A `Row` for each of the "outputs" or "inputs", over the successful runs.
 
         Limits and extremes count infinite values, mean and standard deviation exclude them; the row
-        reports their number (`Row.warning`). Raises `InputError` for any other word."""
+        reports their number (`Row.warning`). Raises `InputError` for any other value."""
         if of not in ("outputs", "inputs"):
             raise InputError(f"of is {of!r}: it must be 'outputs' or 'inputs'.")
         errors = self.attributes.get("numerical_errors", {})
@@ -242,7 +240,7 @@ class Dispersion(HashedModule):
         **Arguments**
 
         - `output`: name of the output.
-        - `count`: how many inputs are listed; `None` for all.
+        - `count`: number of inputs listed; `None` for all.
 
         **Returns** no shares, and NaN for R^2, where there is no dispersion beyond rounding; no
         shares where the inputs explain no more than chance.
@@ -297,8 +295,8 @@ class Dispersion(HashedModule):
 
     def percentile(self, name: str, share: float, confidence: float = 0.95) -> Percentile:
         """The quantile `share` over the successful runs, with a distribution-free confidence
-        interval (`jaxspace.statistics.limits.percentile`). Infinite values count; NaN is left
-        out."""
+        interval (`jaxspace.statistics.limits.percentile`). Infinite values count; NaN is
+        excluded."""
         return percentile(self._numbers(name), share, confidence)
 
     def ellipsoid(self, *names: str, probability: float = 0.99) -> Ellipsoid:
@@ -308,7 +306,7 @@ class Dispersion(HashedModule):
 
     def footprint(self) -> Footprint | None:
         """Footprint of the landings, with ellipses of 50, 90 and 99 %; `None` unless `east` and
-        `north` are outputs of one unit, finite in three successful runs or more."""
+        `north` are outputs with the same unit, finite in at least three successful runs."""
         units = {self.units.get(name) for name in LANDING}
         # Lengths in two units have no bearing between them.
         if not set(LANDING) <= set(self.outputs) or len(units) > 1:
@@ -337,12 +335,11 @@ class Dispersion(HashedModule):
         at_most: float = np.inf,
         confidence: float = 0.95,
     ) -> Probability:
-        """The probability that a requirement on an output is not met, with the interval of Clopper
-        and Pearson.
+        """The probability that a requirement on an output is violated, with the Clopper-Pearson
+        interval.
 
-        A failed run meets no requirement, and counts as a violation; so does an output that is not
-        a number. An infinite one violates the limit on its side. Raises `InputError` for an unknown
-        name, or without any limit."""
+        A failed run counts as a violation, as does an output that is NaN. An infinite one violates
+        the limit on its side. Raises `InputError` for an unknown name, or without limits."""
         if at_least == -np.inf and at_most == np.inf:
             raise InputError("at_least and at_most are both missing: a requirement needs a limit.")
         x = self.values(name)
@@ -375,16 +372,16 @@ class Dispersion(HashedModule):
         }
 
     def run_of(self, which: str, output: str) -> int:
-        """The number of the good run with an extreme value of an output.
+        """The number of the successful run with an extreme value of an output.
 
         **Arguments**
 
-        - `which`: "least", "greatest", or "worst": the run farthest outside of the requirement on
-          the output, or nearest to its limit.
+        - `which`: "least", "greatest", or "worst": the run that violates the requirement on the
+          output the most, or comes closest to its limit.
         - `output`: name of the output.
 
-        **Raises** `InputError` for an unknown name, for "worst" without a requirement, and where no
-        good run has a number."""
+        **Raises** `InputError` for an unknown name, for "worst" without a requirement, and if the
+        output is not finite in any successful run."""
         x = np.where(self.good, self.values(output).astype(float), np.nan)
         low, high = self.requirements.get(output, (None, None))
         return int(self.run_numbers[extreme_place(which, output, x, low, high)])
@@ -395,7 +392,7 @@ class Dispersion(HashedModule):
         return np.arange(self.runs) if self.numbers is None else self.numbers
 
     def required(self, name: str) -> str:
-        """The requirement on an output in signs, such as "≥ 180 and ≤ 190"; empty without one."""
+        """The requirement on an output as text, such as "≥ 180 and ≤ 190"; empty without one."""
         low, high = self.requirements.get(name, (None, None))
         signs = (("≥", low), ("≤", high))
         return " and ".join(f"{sign} {x:g}" for sign, x in signs if x is not None)
@@ -412,7 +409,7 @@ class Dispersion(HashedModule):
         self._frame().to_csv(path, index_label="run")
 
     def to_parquet(self, path: "str | os.PathLike[str]") -> None:
-        """Write the table of `to_csv` as a Parquet file, which needs `pip install
+        """Write the table of `to_csv` as a Parquet file, which requires `pip install
         jaxspace[parquet]`."""
         with extra("parquet"):
             import pyarrow  # noqa: F401  # by which the table is written

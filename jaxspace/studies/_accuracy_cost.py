@@ -1,11 +1,11 @@
-"""Cost of accuracy in time, measured on the run in question.
+"""Computing time as a function of accuracy, measured for a given run.
 
 The error of every setting is that relative to the closed form, if the system has one. Otherwise the
 reference is DOP853 at a hundredth of the tightest tolerance, with up to 64 times the steps of a
-run; or the exponential method for a stiff run that DOP853 does not bring to its end, or another
-adaptive method of the table. The reference is compared with itself at ten times its tolerance. The
-gradient is that of one number of the final state with respect to the initial state, by reverse
-mode, with every block of the initial state in units of its norm.
+run; or the exponential method for a stiff run that DOP853 does not complete, or another adaptive
+method of the table. The reference is compared with itself at ten times its tolerance. The gradient
+is that of one number of the final state with respect to the initial state, by reverse mode, with
+every block of the initial state in units of its norm.
 """
 
 from collections.abc import Callable, Sequence
@@ -41,7 +41,7 @@ def accuracy_cost(
     repeats: int = REPEATS,
     max_steps: int = MAX_STEPS,
 ) -> AccuracyCost:
-    """Cost of accuracy in time for a system, scene or mission.
+    """Computing time as a function of accuracy for a system, scene or mission.
 
     **Arguments**
 
@@ -59,11 +59,11 @@ def accuracy_cost(
     - `max_steps`: maximum number of steps of a run, as in `Accuracy`; the reference may use more.
 
     **Returns** an `AccuracyCost`: it can be printed and plotted (`plot`), and provides the
-    `cheapest` setting. A tolerance that a precision cannot reach is left out and noted. A
+    `cheapest` setting. A tolerance that a precision cannot reach is omitted and noted. A
     fixed-step method has one row, because the tolerance does not change its steps. Without a valid
     reference run the rows have no errors and no gradients, and a note gives the reason.
 
-    **Raises** `InputError` for input that cannot be used, and unless double precision is
+    **Raises** `InputError` for invalid input, and unless double precision is
     enabled."""
     _check(system, tolerances, precisions, repeats)
     check_positive("max_steps", max_steps)
@@ -104,7 +104,7 @@ def accuracy_cost(
 def _check(
     system: Runnable, tolerances: Sequence[float], precisions: Sequence[str], repeats: int
 ) -> None:
-    """Raise `InputError` for input that cannot be used."""
+    """Raise `InputError` for invalid input."""
     if not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
         raise InputError(
             "JAX uses float32: the reference requires float64; call jaxspace.enable_x64()."

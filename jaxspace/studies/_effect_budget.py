@@ -1,8 +1,8 @@
-"""Influence of the effects on an output of a run, and a choice of those that may be left out.
+"""Influence of the effects on an output of a run, and selection of those that may be omitted.
 
     q(s):   the output when the load of effect k is multiplied by s_k
-    -dq/ds_k at s = 1       what leaving out effect k changes, to first order
-    q(s_k = 0) - q(1)       what it changes
+    -dq/ds_k at s = 1       change without effect k, to first order
+    q(s_k = 0) - q(1)       change without effect k
 
 All of this is one compiled program: the scene of scaled effects, with its derivative along one
 factor in forward mode.
@@ -49,19 +49,20 @@ def effect_budget(
     - `scene`, `y0`, `ts`: as in `simulate`; or a mission, its state and the time of its start,
       s, as in `simulate_mission`.
     - `output`: of the final state: the name of a part, such as "position", "velocity", "attitude"
-      (its change is an angle), "omega" or "mass"; a function of the final state; or one that
-      `core.output` has declared, of the final state `y`, its time `t` and parts of it by their
-      names. By default the first part of the state.
-    - `tolerance`: acceptable change of the output, in its unit. With it, the effects that may be
-      left out are found, from the least on, and a run of exactly the others confirms it.
+      (its change is an angle), "omega" or "mass"; a function of the final state; or one declared
+      with `core.output`, of the final state `y`, its time `t` and parts of it by name. By default
+      the first part of the state.
+    - `tolerance`: acceptable change of the output, in its unit. If given, the effects that may be
+      omitted are determined, least influential first, and verified by a run with exactly the
+      others.
     - `accuracy`: of the runs. Influences below the error of the integration are not resolved; a run
       at a hundredth of the tolerance, or with twice as many fixed steps, shows that error.
     - `repeats`: of the timed runs.
 
-    **Returns** an `EffectBudget`: print it or `plot` it.
+    **Returns** an `EffectBudget`, which can be printed and plotted (`plot`).
 
     **Raises** `InputError` for a system without effects, an output that is not in the state or a
-    tolerance that is not positive; `SimulationError` when the run itself fails."""
+    tolerance that is not positive; `SimulationError` if the run itself fails."""
     # Checked before anything is compiled, as all that follows up to the runs.
     of_final, name, unit = _output(output, y0)
     if tolerance is not None:
@@ -134,7 +135,7 @@ def _output(output: str | Callable[..., Array] | None, y0: State) -> tuple[Outpu
 def _by_name(output: Callable[..., Array]) -> OutputOfRun:
     """A declared output as a function of time and state.
 
-    Raises `InputError` for one that needs more than a run has."""
+    Raises `InputError` for one that requires more than a run provides."""
     names = tuple(inspect.signature(output).parameters)
 
     def of_run(t: Scalar, y: State) -> Array:

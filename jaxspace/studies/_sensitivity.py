@@ -1,4 +1,4 @@
-"""State-transition matrices: derivatives of a run by its initial state and parameters.
+"""State-transition matrices: derivatives of a run with respect to its initial state and parameters.
 
     Phi(t)   = d y(t) / d p            first order      (rows, columns, times, *runs)
     Psi(t)   = d^2 y(t) / d p^2        second order     (rows, columns, columns, times, *runs)
@@ -9,8 +9,8 @@
     p       selection by `wrt` of initial state and system, in those of `columns`
 
 The derivatives are those of the run itself, along its own steps, in forward mode: the run is
-computed once, and every column adds a tangent. They include how the time of an event moves, and
-with it all that follows (the saltation matrix), the length of a phase, jumps and breaks.
+computed once, and every column adds a tangent. They include the shift of event times and its
+consequences (the saltation matrix), the durations of phases, jumps and breaks.
 
 A quaternion counts with three coordinates, the small rotation in body axes, rad.
 
@@ -54,7 +54,7 @@ class Sensitivity(HashedModule):
     - `rows`, `columns`: names of the components of the state, and of the varied quantities.
     - `first`: Phi, (rows, columns, times, *runs), in units of the row per unit of the column.
     - `second`: Psi, (rows, columns, columns, times, *runs), or `None`.
-    - `times`: d(ts)/dp, s per unit, (columns, times, *runs): not zero where an event ends the run.
+    - `times`: d(ts)/dp, s per unit, (columns, times, *runs): non-zero if an event ends the run.
     """
 
     rows: tuple[str, ...] = eqx.field(static=True)
@@ -91,10 +91,10 @@ class Sensitivity(HashedModule):
 @final
 @printed()
 class MissionSensitivity(eqx.Module):
-    """The derivatives of a mission: `phases` by number or name, and of its end.
+    """The derivatives of a mission: of its `phases` by index or name, and of its end.
 
     - `phases`: a `Sensitivity` for each phase; its rows are those of the state in that phase.
-    - `end`: of the state after the last jump and of its time, as a `Sensitivity` of one time."""
+    - `end`: of the state after the last jump and of its time, as a `Sensitivity` with one time."""
 
     phases: tuple[Sensitivity, ...]
     names: tuple[str, ...] = eqx.field(static=True)
@@ -156,7 +156,8 @@ def sensitivity(
     num_saved: int | None = None,
     throw: bool | None = None,
 ) -> tuple[Trajectory, Sensitivity] | tuple[MissionTrajectory, MissionSensitivity]:
-    """A run, and the derivatives of its states by its initial state and its parameters.
+    """A run, and the derivatives of its states with respect to its initial state and its
+    parameters.
 
     **Arguments**
 
@@ -164,16 +165,16 @@ def sensitivity(
       of its start, as in `simulate_mission`.
     - `wrt`: a function (system, y0) -> pytree of the arrays that are varied, such as
       `lambda scene, y0: (y0, scene.effects[0].mu)`; by default the initial state.
-    - `order`: 1, or 2 for second derivatives too.
+    - `order`: 1, or 2 to include second derivatives.
     - `batch`: whether the last axis is the batch axis, as in `simulate_batch`; `in_axes` as there.
-      An array shared by the runs is one column for all of them.
+      An array shared by the runs has one common column.
     - `accuracy`: as in `simulate`.
-    - `events`, `dense`: as in `simulate`, of a system.
-    - `num_saved`: as in `simulate_mission`, of a mission.
-    - `throw`: whether to raise `SimulationError` for a failed run; by default of one run, not of a
-      batch.
+    - `events`, `dense`: as in `simulate`, for a system.
+    - `num_saved`: as in `simulate_mission`, for a mission.
+    - `throw`: whether to raise `SimulationError` for a failed run; by default for a single run, not
+      for a batch.
 
-    **Returns** the run, and its `Sensitivity`, or `MissionSensitivity` of a mission.
+    **Returns** the run, and its `Sensitivity`, or `MissionSensitivity` for a mission.
 
     **Raises** `InputError` as `simulate` does, and for an order other than 1 or 2 or a selection
     without real numbers."""
@@ -204,8 +205,8 @@ def sensitivity(
 
 
 class _Choice(NamedTuple):
-    """The varied quantities: the numbers of the leaves, the structure of the tree that `wrt` made
-    of them, and whether each carries runs."""
+    """The varied quantities: the numbers of the leaves, the structure of the pytree returned by
+    `wrt`, and whether each is batched."""
 
     numbers: tuple[int, ...]
     structure: jax.tree_util.PyTreeDef
