@@ -79,7 +79,7 @@ def test_disperse_refuses_a_store_that_is_there(store, tmp_path, capsys):
     path.write_text(COAST)
     given = ["disperse", str(path), "--out", str(tmp_path), "--runs", "40"]
     assert main(given) == 2
-    assert "holds 1200 of 1200 runs already" in capsys.readouterr().err
+    assert "already contains 1200 of 1200 runs" in capsys.readouterr().err
     there = open_store(store)
     assert there.runs == 1200
     # By the program of the runs: 400 mi.

@@ -524,7 +524,7 @@ def test_files_of_the_user_in_a_store_outlive_it(store):
         assert (store / name).read_text() == "dear"
     assert read(store)[0].runs == RUNS
     (store / "c").mkdir()
-    with pytest.raises(StoreError, match="holds 'c'"), StoreWriter(store, overwrite=True) as opened:
+    with pytest.raises(StoreError, match="contains 'c'"), StoreWriter(store, overwrite=True) as opened:
         new = results(0, 1)._replace(outputs={"c": np.zeros(1)})
         opened.prepare(columns_of(new, {}), {"planned_runs": 8, "chunk": 4, "seed": 0})
     assert read(store)[0].runs == RUNS
@@ -662,5 +662,5 @@ def test_a_writer_that_waits_for_a_folder_that_goes_makes_its_own(tmp_path, monk
 def test_a_path_that_cannot_be_is_refused_in_a_sentence(name, tmp_path):
     (tmp_path / "file").write_text("")
     for use in (complete, open_store):
-        with pytest.raises(StoreError, match="cannot be written|is no folder"):
+        with pytest.raises(StoreError, match="cannot be written|is not a folder"):
             use(str(tmp_path / name))
