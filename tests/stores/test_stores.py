@@ -524,7 +524,8 @@ def test_files_of_the_user_in_a_store_outlive_it(store):
         assert (store / name).read_text() == "dear"
     assert read(store)[0].runs == RUNS
     (store / "c").mkdir()
-    with pytest.raises(StoreError, match="contains 'c'"), StoreWriter(store, overwrite=True) as opened:
+    refused = pytest.raises(StoreError, match="contains 'c'")
+    with refused, StoreWriter(store, overwrite=True) as opened:
         new = results(0, 1)._replace(outputs={"c": np.zeros(1)})
         opened.prepare(columns_of(new, {}), {"planned_runs": 8, "chunk": 4, "seed": 0})
     assert read(store)[0].runs == RUNS
