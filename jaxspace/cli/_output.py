@@ -37,7 +37,7 @@ def make_folder(name: str) -> None:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"--out is {name}: the folder cannot be created: {reason}.") from error
-    # Checked before the run, so that hours of computing do not end in a refused write.
+    # Checked before the run, so that hours of computing do not end in a rejected write.
     if not os.access(name, os.W_OK | os.X_OK):
         raise InputError(f"--out is {name}: it must be a writable folder.")
 

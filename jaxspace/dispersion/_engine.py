@@ -185,7 +185,7 @@ def disperse(
         raise InputError("store is missing: several hosts share their results through it.")
     with contextlib.ExitStack() as stack:
         writer = None
-        # Locked before the runner compiles, so that a refusal comes at once.
+        # Locked before the runner compiles, so that an error is raised early.
         if store is not None:
             writer = StoreWriter(store, overwrite=overwrite, resume=resume)
             _enter(writer, using, stack)
@@ -222,7 +222,7 @@ def _check_extension(campaign: Campaign, planned: int, runs: int) -> None:
 def _refuse(options: Sequence[tuple[str, object, object]], method: str) -> None:
     """Raise `InputError` for one of the options about runs, (name, given, default), that is given
     with a method without runs."""
-    # Refused and not left aside: who asks for a store or for more runs expects them.
+    # Rejected instead of ignored: a caller who requests a store or more runs expects them.
     for name, given, default in options:
         if given is not default and (default is None or given != default):
             raise InputError(

@@ -60,4 +60,4 @@ class AbstractCampaign(HashedModule):
 
     @abstractmethod
     def refusal(self, samples: Mapping[str, ArrayLike]) -> str:
-        """Why a run with these inputs is refused; empty if it is allowed."""
+        """Why a run with these inputs is rejected; empty if it is allowed."""

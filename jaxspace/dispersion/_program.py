@@ -38,7 +38,7 @@ class Drawn(NamedTuple):
     """The inputs of some runs, each (runs,).
 
     - `inputs`: as drawn.
-    - `used`: those of the run; the nominal ones for a run that is refused or raises an error.
+    - `used`: those of the run; the nominal ones for a run that is rejected or raises an error.
     - `status`: why a run has the nominal inputs; `COMPLETED` where it has individual ones."""
 
     inputs: dict[str, Array]

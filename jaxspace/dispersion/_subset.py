@@ -117,11 +117,11 @@ def descend(
 def _moved(margin: Margin, here: Population, border: float, rng: np.random.Generator) -> Population:
     """One step of a chain from each of these runs, which stays at or below the border."""
     u = rng.standard_normal(here.z.shape)
-    # The step preserves the normal distribution, so that only the border can refuse it.
+    # The step preserves the normal distribution, so that only the border can reject it.
     trial = CORRELATION * here.z + math.sqrt(1.0 - CORRELATION**2) * u
     g = margin(trial)
     inside = g <= border
-    # A refused step repeats its place: without it the chain would have another distribution.
+    # A rejected step repeats its point: without it the chain would have another distribution.
     return Population(np.where(inside[:, None], trial, here.z), np.where(inside, g, here.g))
 
 

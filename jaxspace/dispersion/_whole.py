@@ -12,7 +12,7 @@ wider integers."""
 def check_whole(name: str, value: object, least: int = 0) -> None:
     """Raise `InputError` unless `value` is a whole number from `least` to `MOST`.
 
-    A float such as 1.0 is refused too: a computed one may be off by rounding."""
+    A float such as 1.0 is rejected too: a computed one may be off by rounding."""
     # In Python a bool is an integer, but here it can only be a mistake.
     whole = int(value) if isinstance(value, int | np.integer) else None
     if whole is None or isinstance(value, bool) or not least <= whole <= MOST:

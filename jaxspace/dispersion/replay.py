@@ -36,7 +36,7 @@ class Replay(eqx.Module):
 
     - `number`, `seed`: which run it is.
     - `inputs`, `outputs`: by name, to the last bit those of the campaign, if that stores no states:
-      without numbers for a run that is refused or fails.
+      without numbers for a run that is rejected or fails.
     - `trajectory`: the phases, with the requested number of states. Its ends agree with the outputs
       to the tolerance, because steps may also end where states are saved.
     - `refusal`: why a run is rejected; its trajectory then is that of the inputs all the same,

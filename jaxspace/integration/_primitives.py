@@ -129,7 +129,7 @@ record_p = _primitive(
 tangent_p = _primitive("tangent_along_steps", tangent, _tangent_shapes)
 cotangent_p = _primitive("cotangent_along_steps", cotangent, _cotangent_shapes)
 # `function(values, given)`, linear in what is `given`, with results of the shapes `like()`. It is a
-# primitive for its transpose, `back(values, given, cotangents)`; without one it is refused.
+# primitive for its transpose, `back(values, given, cotangents)`; without one it is rejected.
 derivative_p = _primitive("derivative_along_steps", _derivative, lambda f, v, g, like, back: like())
 
 

@@ -120,7 +120,7 @@ class Accuracy(AbstractParameters):
             check_number(f"Accuracy.{name}", getattr(self, name))
         if is_concrete(self.rtol):
             # An error as large as the state itself: most likely a number of digits was meant.
-            # A value that is not finite is refused with the range of the field.
+            # A value that is not finite is rejected with the range of the field.
             rtol = np.asarray(self.rtol)
             fine = (rtol < 1.0) | ~np.isfinite(rtol)
             check(fine, "Accuracy.rtol", self.rtol, "below one, such as 1e-9 for nine digits")

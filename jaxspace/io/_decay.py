@@ -58,7 +58,7 @@ def first_failure(record: Record, reach: float) -> tuple[float, int] | None:
     mean_motion = record.no_kozai / 60.0
     # Less than a revolution apart, so that no perigee falls between two of them.
     turns = abs(reach) * mean_motion / (2.0 * np.pi) / 0.9
-    # A mean motion of zero or NaN has no revolutions; the theory refuses its epoch.
+    # A mean motion of zero or NaN has no revolutions; the theory rejects its epoch.
     count = int(np.clip(np.ceil(turns), 1, MOST)) if np.isfinite(turns) else 1
     # One revolution more, so that there are samples on both sides of the last perigee.
     starts = np.linspace(0.0, reach, count + 1)

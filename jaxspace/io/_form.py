@@ -33,7 +33,7 @@ from ._requests.output_entries import OutputList
 KINDS = ("system", "scene", "mission", "flight")
 FORMAT = 1
 """The format of scene files that this version reads. It rises when a file that was right would mean
-something else or be refused; a key that is added leaves it."""
+something else or be rejected; an additional key does not change it."""
 TOLERANCE = Number(argument("", positive=True, fixed=True, doc="relative tolerance"))
 
 

@@ -31,7 +31,7 @@ from ._text import read_toml
 from .by_numpy import by_numpy
 
 
-# A number that a check computes with need not be finite, and is then refused.
+# A number used by a check need not be finite, and is then rejected.
 @np.errstate(all="ignore")
 @by_numpy()
 def load(

@@ -348,7 +348,7 @@ class SceneFile(FileContent):
         samples = self._states_read if samples is None else samples
         asked = self.final_error
         if asked is None or factor != 1.0:
-            # A finer tolerance than rounding allows would be refused.
+            # A finer tolerance than rounding allows would be rejected.
             least = 32.0 * float(jnp.finfo(jnp.result_type(float)).eps)
             rtol = max(self.tolerance * factor, least)
             asked = dataclasses.replace(self.accuracy, rtol=rtol)

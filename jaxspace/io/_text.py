@@ -50,7 +50,7 @@ def read_toml(path: str | os.PathLike[str], text: str | None) -> tuple[Values, s
         raise SceneError(
             path, f"is nested too deeply: at most {DEEPEST} levels are read."
         ) from None
-    # Python itself refuses to read longer ones.
+    # Python itself does not read longer ones.
     except ValueError:
         raise SceneError(
             path, "has a whole number of more than 307 digits: it must have fewer."

@@ -3,7 +3,7 @@ them.
 
 Source: CCSDS 502.0-B-3, Orbit Data Messages, 5 (OEM) and 7 (keyword = value notation). Of an OEM
 the states are read and written; covariances and accelerations are skipped, and each segment of
-a file is one ephemeris. Messages in XML are refused.
+a file is one ephemeris. Messages in XML are rejected.
 """
 
 __all__ = ["Ephemeris", "read_oem", "write_oem"]
@@ -79,7 +79,7 @@ def read_oem(path: str | os.PathLike[str]) -> list[Ephemeris]:
     **Raises** `InputError` with the line that violates the standard: an invalid time, a number that
     is not finite, times that do not ascend, or a segment without its metadata or states."""
     text = read_text(path)
-    # Refused here, where XML and other messages can still be told by what they are.
+    # Rejected here, where XML and other messages can still be identified.
     if not text.lstrip().startswith("CCSDS_OEM_VERS"):
         raise InputError(
             f"{path} is not an orbit ephemeris message: it must begin with CCSDS_OEM_VERS."

@@ -25,7 +25,7 @@ where there is none:
 Source: Thomson 9.2 to 9.9; Ascher, Chin, Reich (1994), Stabilization of DAEs and invariant
 manifolds, Numerische Mathematik 67, 131.
 Valid for a positive definite mass matrix d^2 L/dv^2 and independent constraints; redundant ones are
-solved by least squares on request, and refused with an error otherwise.
+solved by least squares on request, and rejected with an error otherwise.
 """
 
 from collections.abc import Callable

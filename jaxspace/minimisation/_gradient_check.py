@@ -5,7 +5,7 @@
 
 The gradient of a run is that of its steps. Where a control has kinks that are not breaks of the
 integration, steps pass over the effect of a single value: the run is right and its gradient is not,
-and a descent ends at a wrong point or diverges. A search therefore refuses to begin with a gradient
+and a descent ends at a wrong point or diverges. A search therefore does not start with a gradient
 that is not the slope. Beyond its bounds an objective may be anything: near a bound the direction d
 leads inwards, half of the way to the other bound at most, and the difference is one-sided.
 

@@ -167,7 +167,7 @@ def minimise_from(
     with sentence_alone():
         every = jax.block_until_ready(in_one_batch(as_point(starts, "starts")))
     if check_gradient and not is_traced(every.gradient_error):
-        # As for one start, but at the end, because a search in a batch cannot be refused before.
+        # As for one start, but at the end, because a search in a batch cannot be rejected before.
         worst = jnp.argmax(every.gradient_error)
         first = jax.tree.map(lambda x: x[..., worst], every)
         refuse(float(first.gradient_error), worst_number(first), first.unread)

@@ -48,7 +48,7 @@ class Stepper(NamedTuple):
 
     def begin(self, q: Float[Array, " n"]) -> PyTree:
         """The state of the optimiser at `q`."""
-        # optax mixes integer widths, which a caller's strict promotion would refuse.
+        # optax mixes integer widths, which a caller's strict promotion would reject.
         with jax.numpy_dtype_promotion("standard"):
             return jax.tree.map(_strong, self.optimiser.init(self.unravel(q)))
 

@@ -94,6 +94,6 @@ class ThirdBody(AbstractEffect):
         return Load(acceleration_N=third_body(y.position, self.path(t), self.mu))
 
     def scaled(self, factor: Scalar) -> "ThirdBody | None":
-        # A factor of zero would give the body no mass, which `mu` refuses.
+        # A factor of zero would give the body no mass, which `mu` rejects.
         del factor
         return None

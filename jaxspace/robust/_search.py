@@ -90,7 +90,7 @@ def optimise_design(
     another search, and as `minimise` does.
     """
     every = [minimise, maximise, *(getattr(c, "statistic", None) for c in subject_to)]
-    # Anything else is refused by `problem_of`, with its name.
+    # Anything else is rejected by `problem_of`, with its name.
     known = [statistic for statistic in every if isinstance(statistic, AbstractStatistic)]
     if nominal:
         runs = None
@@ -130,7 +130,7 @@ def store_of(
     if store is None:
         return as_store(store, resume)
     limits = [c.text() for c in problem.constraints]
-    # With other statistics or runs it would be another search, whose store is refused.
+    # With other statistics or runs it would be another search, whose store is rejected.
     goal = (
         problem.objective.text() if problem.sign > 0.0 else f"greatest {problem.objective.text()}"
     )

@@ -77,7 +77,7 @@ def free_by_path(campaign: Campaign, free: Mapping[str, Free]) -> FreeDesign:
     wider = campaign.build(inputs_at(campaign, jnp.concatenate([normals, normals])))
     start = {path: _start(path, built, wider) for path in free}
     for path, one in free.items():
-        # In this form, so that NaN is refused, too.
+        # In this form, so that NaN is rejected, too.
         if not one.low < one.high:
             raise InputError(
                 f"free {path!r} has low = {one.low:g} and high = {one.high:g}: the lower one must "

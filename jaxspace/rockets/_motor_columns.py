@@ -135,7 +135,8 @@ def _split(line: str, separator: str | None) -> list[str]:
     try:
         (fields,) = csv.reader([line.strip("\r\n ")], delimiter=separator, skipinitialspace=True)
     except csv.Error:
-        # A field that no line of numbers has, of a hundred thousand characters: refused later.
+        # A field longer than any line of numbers, such as a hundred thousand characters: rejected
+        # later.
         fields = line.split(separator)
     while fields and not fields[-1].strip():
         fields.pop()

@@ -175,7 +175,7 @@ class Uniform(AbstractDistribution):
 
     def sample(self, key: Array) -> Float[Array, ""]:
         drawn = self.low + (self.high - self.low) * jax.random.uniform(key)
-        # The sum may round to beyond the limit, which a class may refuse.
+        # The sum may round to beyond the limit, which a class may reject.
         return jnp.minimum(drawn, self.high)
 
     def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
@@ -186,7 +186,7 @@ class Uniform(AbstractDistribution):
 
     def outside(self, low: float, high: float) -> float:
         a, b = float(self.low), float(self.high)
-        # The sum of both ends: one minus the share inside loses the digits of a rare refusal.
+        # The sum of both ends: one minus the share inside loses the digits of a rare rejection.
         return _uniform_share(a, b, a, low) + _uniform_share(a, b, high, b)
 
     def text(self) -> str:
@@ -242,7 +242,7 @@ class TruncatedNormal(AbstractDistribution):
     def sample(self, key: Array) -> Float[Array, ""]:
         a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation
         drawn = self.mean + self.deviation * jax.random.truncated_normal(key, a, b)
-        # The product may round to beyond a limit, which a class may refuse.
+        # The product may round to beyond a limit, which a class may reject.
         return jnp.clip(drawn, self.low, self.high)
 
     def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
@@ -264,7 +264,7 @@ class TruncatedNormal(AbstractDistribution):
         mean, deviation = float(self.mean), float(self.deviation)
         a, b = (float(self.low) - mean) / deviation, (float(self.high) - mean) / deviation
         below, above = (low - mean) / deviation, (high - mean) / deviation
-        # The sum of the tails: one minus the share inside loses the digits of a rare refusal.
+        # The sum of the tails: one minus the share inside loses the digits of a rare rejection.
         lost = _normal_share(a, min(b, below)) if below > a else 0.0
         lost += _normal_share(max(a, above), b) if above < b else 0.0
         return lost / _normal_share(a, b)

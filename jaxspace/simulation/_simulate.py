@@ -93,7 +93,7 @@ def simulate(
     system = captured_as_leaves(system)
     y0 = as_state(y0)
     check_initial_state(y0)
-    # Everything that can be refused is refused here, before anything is compiled.
+    # All input checks are done here, before anything is compiled.
     ts = check_times(ts, y0)
     given = as_accuracy(accuracy)
     check_tolerances(given, None)

@@ -109,7 +109,7 @@ def attributes_fault(attributes: object) -> str:
             continue
         try:
             good = check(attributes[name])
-        # The classes of the library refuse what they cannot be made of.
+        # The classes of the library reject invalid arguments.
         except (ValueError, TypeError):
             good = False
         if not good:

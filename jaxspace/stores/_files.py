@@ -91,7 +91,7 @@ def _entries(folder: Path) -> Iterator[os.DirEntry[str]]:
     while waiting:
         with os.scandir(waiting.pop()) as entries:
             for entry in entries:
-                # Before it is entered, so that the caller can refuse a folder that is a link.
+                # Before it is entered, so that the caller can reject a folder that is a link.
                 yield entry
                 if entry.is_dir(follow_symlinks=False):
                     waiting.append(entry.path)

@@ -127,7 +127,7 @@ class StoreWriter:
             with contextlib.suppress(OSError):
                 self.lock.release(remove)
         if only_lock and (self._own_folder or not self.lock.created):
-            # Refused by the system where another process has come.
+            # Rejected by the system if another process has created it.
             with contextlib.suppress(OSError):
                 path.rmdir()
 

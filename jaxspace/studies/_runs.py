@@ -97,7 +97,7 @@ def aot_compile(function: Callable[..., PyTree[Array]], *arguments: PyTree[Array
     started = time.perf_counter()
     call = jax.jit(function).lower(*arguments).compile()
     seconds = time.perf_counter() - started
-    # Not every backend analyses the memory of a program, and they refuse in different ways.
+    # Not every backend analyses the memory of a program, and their errors differ.
     try:
         sizes: Any = call.memory_analysis()
         memory = (

@@ -361,7 +361,7 @@ def _check_room(
     if tube_length is not None and is_concrete(tube_length):
         words = f"at least {length:g} m, the length of the motor {motor.name}"
         check(tube_length >= length, "Vehicle.tube_length", tube_length, words)
-    # Campaigns draw lengths, which are traced: only known ones are refused here.
+    # Campaigns draw lengths, which are traced: only known ones are rejected here.
     if is_concrete(radius):
         words = f"at least {width:g} m, the radius of the motor {motor.name}"
         check(radius >= width, "Vehicle.radius", radius, words)

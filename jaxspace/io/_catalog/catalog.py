@@ -196,7 +196,7 @@ def _catalog(
         ):
             named["methods"][name] = thing
     for thing in also:
-        # Refused, because a thing that is ignored would later be an unknown name in a file.
+        # Rejected, because an ignored object would later be an unknown name in a file.
         before = sum(map(len, named.values()))
         _add(named, kinds, refused, thing, new="also")
         if sum(map(len, named.values())) == before and not _is_part(thing):

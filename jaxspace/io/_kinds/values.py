@@ -78,7 +78,7 @@ class ListOf(Kind):
     least: int = 0
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
-        # A number in place of a list is refused, because its component is unclear.
+        # A number in place of a list is rejected, because its component is unclear.
         short = isinstance(value, list) and len(value) < self.least
         if (
             not isinstance(value, list)

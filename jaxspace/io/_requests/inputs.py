@@ -22,7 +22,7 @@ from ..units import expected, in_unit, read_number, split
 from .joint_inputs import MadeInput, read_correlated, read_direction
 
 DEFAULT = "normal"
-# One refused run in a thousand changes no statistic; more are worth a warning.
+# One rejected run in a thousand changes no statistic; more are worth a warning.
 RARE = 1e-3
 FILE_KEYS = ("file", "column", "unit")
 

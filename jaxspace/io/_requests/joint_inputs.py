@@ -22,7 +22,7 @@ from .._kinds.values import Measure
 from ..units import read_number
 
 MATRICES = ("correlation", "covariance", "factor")
-# Share of refused draws without a warning, because every normal distribution has tails.
+# Share of rejected draws without a warning, because every normal distribution has tails.
 RARE = 1e-3
 ANGLE = Quantity("rad", "half angle", 0.0, math.pi, False)
 
@@ -87,7 +87,7 @@ def read_correlated(
                 raise ValueError(missing(f"dispersion.inputs.{path}", "given for a correlation"))
         marginals = tuple(known[path].distribution() for path in paths)
 
-    # Called by `_together`, which puts the key of the file before what the classes refuse.
+    # Called by `_together`, which puts the key of the file before what the classes reject.
     def make() -> AbstractJoint:
         if name == "correlation":
             return Correlated.of(marginals, matrix)

@@ -79,7 +79,8 @@ def failures_report(file: SceneFile | None, dispersion: Dispersion, most: int = 
         lines += ["", f"{failure.count} {runs}, {failure.status.name}: {failure.sentence}"]
         for row in rows[:most]:
             values = {name: float(x[row]) for name, x in inputs.items()}
-            # The cause of a refusal is known; for other failures unusual inputs are the best hint.
+            # The cause of a rejection is known; for other failures unusual inputs are the best
+            # clue.
             refused = failure.status == Status.REFUSED
             reason = _refusal(file, values) if refused else _farthest(values, moments)
             lines.append(f"  run {numbers[row]}: {reason}")
