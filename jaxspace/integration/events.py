@@ -32,6 +32,7 @@ from ..core.field_types import check_types
 from ..core.one_kernel import in_one_kernel
 from ..core.structure import HashedModule
 from ..core.types import as_optional_float
+from ._vanishing import vanishing
 
 
 # Checked where annotations are.
@@ -250,10 +251,17 @@ def _corrected_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
     te, ye = _corrected(*primals)
     rate = _rate(te, ye, system)
     dt = jnp.zeros_like(t) if of_t is None else of_t
-    _, change = eqx.filter_jvp(_vector_field, (system, te, ye), (of_system, of_t, of_y))
-    # Its last term matters to derivatives of higher order alone.
+    arrays, static = eqx.partition(((system, te, ye), (of_system, of_t, of_y)), eqx.is_array)
+
+    def drift(delay: Scalar, arrays: PyTree) -> State:
+        _, change = eqx.filter_jvp(_vector_field, *eqx.combine(arrays, static))
+        return jax.tree.map(lambda c: c * delay, whole(change, y))
+
     delta = jax.tree.map(
-        lambda d, k, c: d - k * dt + c * (te - t), whole(of_y, y), rate, whole(change, y)
+        lambda d, k, c: d - k * dt + c,
+        whole(of_y, y),
+        rate,
+        vanishing(drift, te - t, arrays, like=y),
     )
     dte = dt
     for number, event in enumerate(events):
