@@ -323,7 +323,7 @@ BAD_COST = [
     ({"tolerances": (1e-17,)}, "tolerances contains 1e-17: it must be at least"),
     ({"methods": ["euler"]}, "methods contains 'euler': it must contain solvers"),
     ({"methods": [diffrax.Euler()]}, "methods contains Euler.*an error estimate"),
-    ({"methods": ["closed_form"]}, "Scene has none"),
+    ({"methods": ["closed_form"]}, "which Scene does not have"),
     (
         {"precisions": ["float16"]},
         r"precisions is \('float16',\): it must contain one or both of float64, float32",
