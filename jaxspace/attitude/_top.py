@@ -1,4 +1,4 @@
-"""The heavy symmetric top: a body of revolution that turns about a fixed point under its weight.
+"""The heavy symmetric top: a body of revolution that rotates about a fixed point under its weight.
 
     A omega' = [(A - C) n omega + W l Z] x z       Euler's equations about the fixed point,
                                                    body axes; n' = 0
@@ -25,8 +25,8 @@ where h_Z, n and T + V are constant.
     h_Z     angular momentum about Z                                     kg m^2/s
 
 Source: Thomson 5.13 (the second of 5.13-4 with A theta''), 5.14 (steady precession), 6.1 (small
-nutation); Harrison and Nettleton 4.11, who name phi and psi the other way round.
-Valid for a tip that does not move, without friction. W l < 0 is a top that hangs (a spinning
+nutation); Harrison and Nettleton 4.11, with phi and psi interchanged.
+Valid for a tip that does not move, without friction. W l < 0 is a hanging top (a spinning
 pendulum), W l = 0 is the free symmetric body.
 
 The functions and methods take `theta`, rad, and the rates, rad/s, as scalars or (*runs,), vectors
@@ -192,7 +192,7 @@ class Top(AbstractSystem):
         """Euler's angles (psi, theta, phi) of a state, rad, (3, *runs).
 
         Precession and spin are within (-pi, pi], nutation within [0, pi]. With the axis vertical
-        only psi + phi has a meaning: psi is then zero."""
+        only psi + phi is defined: psi is then zero."""
         attitude, _ = attitude_and_omega(y)
         return to_euler_angles(attitude)
 
@@ -200,7 +200,7 @@ class Top(AbstractSystem):
     def rates(y: BodyState) -> Vector:
         """Rates (psi', theta', phi') of a state, rad/s, (3, *runs) (Thomson 3.5-1).
 
-        With the axis vertical only psi' + phi' has a meaning: psi' is then zero. Near the vertical
+        With the axis vertical only psi' + phi' is defined: psi' is then zero. Near the vertical
         psi' grows as 1/sin(theta)."""
         attitude, omega = attitude_and_omega(y)
         _, theta, phi = Top.angles(y)

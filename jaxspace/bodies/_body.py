@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of a body, constant or changing with the mass that is left.
+"""Mass, centre of mass and inertia of a body, constant or changing with the remaining mass.
 
     J(m) = J_d + m_p diag(k^2) + m_d m_p / m d^2 diag(1, 1, 0)          m_p = m - m_d
 
@@ -32,7 +32,7 @@ def _as_optional_inertia(x: object) -> AbstractInertia | None:
 
 
 class AbstractBody(AbstractParameters):
-    """Mass properties as functions of the mass that is left.
+    """Mass properties as functions of the remaining mass.
 
     Shapes: masses (*runs,), vectors (3, *runs). `None` means that the body does not have the
     property."""
@@ -46,7 +46,7 @@ class AbstractBody(AbstractParameters):
         """The mass, kg, at the start of a flight; `None` when it is unknown."""
 
     def least_mass(self) -> Scalar | None:
-        """The mass, kg, below which nothing is left to burn; `None` if there is none."""
+        """The mass, kg, without propellant; `None` if there is none."""
         return None
 
     @abstractmethod

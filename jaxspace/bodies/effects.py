@@ -37,7 +37,7 @@ from .state import BodyState
     momentum_B="kg m^2/s",
 )
 class Load(eqx.Module):
-    """Contribution of an effect to the motion; `None` contributes nothing and costs nothing.
+    """Contribution of an effect to the motion; `None` means no contribution, at no cost.
 
     Vectors are (3, *runs).
 
@@ -47,8 +47,8 @@ class Load(eqx.Module):
     - `mass_rate`, kg/s: negative when mass leaves.
     - `parts_rate`: rates of the state's extra parts, by name.
     - `inertia_B`, kg m^2, (3, 3, *runs): contribution of moving parts to the inertia of the body.
-    - `momentum_B`, kg m^2/s: angular momentum of moving parts in body axes, beyond that of turning
-      with the body. Their torque is that of the changes in body axes, without omega x momentum."""
+    - `momentum_B`, kg m^2/s: angular momentum of moving parts in body axes, relative to the body.
+      Their torque contains the changes in body axes only, without omega x momentum."""
 
     acceleration_N: Vector | None = None
     force_N: Vector | None = None
@@ -60,7 +60,7 @@ class Load(eqx.Module):
 
 
 class AbstractEffect(AbstractParameters):
-    """Something that acts on a body. A concrete effect is final.
+    """An effect that acts on a body. A concrete effect is final.
 
     A scene determines what an effect reads and adds by tracing its load in states with missing
     parts: a part whose absence (`None`) the load accepts is optional, and one whose absence raises
@@ -69,9 +69,9 @@ class AbstractEffect(AbstractParameters):
     - `keeps`: the quantities conserved by the motion under this effect only, out of "energy",
       "angular_momentum" (of the orbit, all components), "axial_angular_momentum" (its z component),
       "rotational_momentum" (of the body and its moving parts: of effects whose torques are
-      internal); by default none. They are declared, because tracing does not show them.
-    - `felt`: whether a body feels its acceleration; not that of gravity and of axes that turn,
-      which move all its parts alike."""
+      internal); by default none. They are declared, because tracing cannot determine them.
+    - `felt`: whether an accelerometer in the body senses its acceleration; not so for gravity and
+      rotating axes, which act on all parts equally."""
 
     # Without an annotation it is not a field of the class, and a subclass may make it one.
     keeps = frozenset[str]()
@@ -126,7 +126,7 @@ class AbstractEffect(AbstractParameters):
         return self
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
-        """Times, s, at which the load or a derivative of it jumps, or `None`."""
+        """Times, s, at which the load or one of its derivatives jumps, or `None`."""
         return None
 
     def switches(self) -> dict[str, str]:

@@ -32,8 +32,8 @@ else:
 
 
 def as_part(x: object) -> Any:
-    """Plain numbers as an array; anything else as it is, because a state is also built from axes of
-    a batch, which are integers, and from shapes."""
+    """Plain numbers as an array; anything else unchanged, because a state is also built from batch
+    axes, which are integers, and from shapes."""
     return as_float(x) if isinstance(x, float | list | tuple) else x
 
 
@@ -76,8 +76,8 @@ class BodyState(HashedModule):
             check_components("BodyState.attitude", self.attitude.wxyz, 4)
 
     def check_start(self) -> None:
-        """Raise `InputError` for known numbers that no initial state can have: a mass that is not
-        positive, a quaternion of zeros."""
+        """Raise `InputError` for concrete numbers that no initial state can have: a mass that is
+        not positive, a quaternion of zeros."""
         check_positive("BodyState.mass", self.mass)
         if isinstance(self.attitude, Quaternion):
             self.attitude.check_start()

@@ -48,7 +48,7 @@ class Nodes(NamedTuple):
 
 
 def known_times(ts: object) -> np.ndarray:
-    """Save times as known numbers, ascending. Raises `InputError` for anything else."""
+    """Save times as concrete numbers, ascending. Raises `InputError` for anything else."""
     if not all(map(is_concrete, ts if isinstance(ts, list | tuple) else [ts])):
         raise InputError(
             "ts is traced: it must be concrete, because it determines the number of samples; use "

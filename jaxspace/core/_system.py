@@ -244,7 +244,7 @@ class AbstractSystem(AbstractParameters):
         """Probable mistakes in finished runs, such as a path through the ground; `None`, the
         default, where there is none.
 
-        Asked after a run outside of `jit`, of known numbers.
+        Asked after a run outside of `jit`, of concrete numbers.
 
         **Arguments**
 

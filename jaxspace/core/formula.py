@@ -74,7 +74,7 @@ def formula(function: Callable[..., object] | None = None, /, **ranges: Range) -
 
     Raises `InputError`, by the name of the argument, for text, complex numbers or other objects
     instead of numbers, for an array with a wrong number of components, and for a concrete number
-    that is NaN or out of its range. Of the known numbers of several runs one out of its range
+    that is NaN or out of its range. Of the concrete numbers of several runs one out of its range
     becomes NaN, which marks its run and harms no other. Traced values are checked by type and shape
     only, at no cost in the compiled program."""
     if function is None:
@@ -179,7 +179,7 @@ def _marked(number: _Number, x: PyTree) -> PyTree:
 
 
 def _check_range(number: _Number, x: object) -> None:
-    """Raise `InputError` for known numbers that are NaN or out of their range."""
+    """Raise `InputError` for concrete numbers that are NaN or out of their range."""
     if is_concrete(x):
         check(number.range.contains(np.asarray(x)), number.name, x, number.range.allowed)
 

@@ -33,7 +33,7 @@ CHECKED = 15
 # iterations, whose last digits then change.
 ROUNDING = {"float64": 1e-9}
 COARSE = 1e-4
-# Which of the first runs: known numbers, or those of a trace.
+# Which of the first runs: concrete numbers, or those of a trace.
 Rows: TypeAlias = Int[Array, " runs"] | Int[np.ndarray, " runs"]
 
 

@@ -4,8 +4,8 @@
 
 At each step a search gives the point at which the problem is to be evaluated, and receives the
 result: its start, the check of its gradient, its line search and its corrections share one program.
-With known numbers the loop is Python's: `evaluate` is compiled once, and a search can be watched,
-interrupted and resumed. Under a transformation it is a loop of the compiled program.
+With concrete numbers the loop is Python's: `evaluate` is compiled once, and a search can be
+watched, interrupted and resumed. Under a transformation it is a loop of the compiled program.
 """
 
 from collections.abc import Callable

@@ -11,8 +11,8 @@
 All runs are computed block by block. Then those with a weight are computed again, with their
 derivatives. Of a quantile, of the mean beyond it and of the greatest value these are a few percent,
 and the gradient is cheap compared with the runs. Both are sweeps of one loop, whose program
-contains the runs once and compiles faster than with one for each. The number of blocks is known
-only while the program runs, so that one program is sufficient for every design.
+contains the runs once and compiles faster than with one for each. The number of blocks is
+determined only while the program runs, so that one program is sufficient for every design.
 """
 
 from collections.abc import Callable

@@ -76,11 +76,11 @@ def _point(station: Scalar | None, offset: Pair) -> dict[str, Vector]:
 @final
 class Thrust(AbstractEffect):
     """A motor that burns from its ignition for its burn time; its thrust follows the `profile`,
-    constant by default. A liquid engine has a `throttle`, and a `back_pressure` where its specific
-    impulse at sea level is another than in vacuum.
+    constant by default. A liquid engine has a `throttle`, and a `back_pressure` if its specific
+    impulse at sea level differs from that in vacuum.
 
-    With a burnout mass the end of the thrust depends on the state: end the phase by the event
-    `PropellantDepletion`, without which derivatives leave out how that time moves."""
+    With a burnout mass the end of the thrust depends on the state: end the phase with the event
+    `PropellantDepletion`, without which derivatives omit the shift of that time."""
 
     mean_thrust: NumberField = quantity(
         "N", non_negative=True, doc="in vacuum, mean over the burn time"
@@ -135,7 +135,7 @@ class Thrust(AbstractEffect):
         offset: Pair = (0.0, 0.0),
         **fields: Any,
     ) -> "Thrust":
-        """A solid motor from its total impulse and the mass of its propellant.
+        """A solid motor from its total impulse and propellant mass.
 
         **Arguments**
 
@@ -197,7 +197,7 @@ class Thrust(AbstractEffect):
 
         **Arguments**
 
-        - `motor_file`: path, as of `read_motor`.
+        - `motor_file`: path, as in `read_motor`.
         - `propellant_mass`: kg, instead of the value in the file.
         - `station`, `offset`, `fields`: as in `of_motor`.
 
@@ -214,11 +214,11 @@ class Thrust(AbstractEffect):
 
     @known_time
     def burnout(self) -> Scalar:
-        """The time, s, at which the burn time is over."""
+        """The time, s, of the burnout."""
         return ignition_of(self) + self.burn_time
 
     def thrust(self, t: Scalar, mass: Scalar) -> Scalar:
-        """The thrust in vacuum, N, at the time `t`, s, with `mass`, kg, left."""
+        """The thrust in vacuum, N, at the time `t`, s, with the remaining `mass`, kg."""
         x = (t - ignition_of(self)) / self.burn_time
         if self.profile is None:
             # Both ends count: a step that ends at the burnout still sees the motor burn.

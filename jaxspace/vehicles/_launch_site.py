@@ -101,7 +101,7 @@ class LaunchSite(AbstractParameters):
     @property
     @no_method
     def environment(self) -> tuple[AbstractEffect, ...]:
-        """Gravity, and the forces of inertia in axes that turn with the Earth where the latitude is
+        """Gravity, and the inertial forces in axes that turn with the Earth where the latitude is
         known."""
         if self.latitude is None:
             # Without a latitude neither the rate of the axes nor the gravity of the place is known.

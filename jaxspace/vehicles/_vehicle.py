@@ -1,10 +1,11 @@
-"""One rocket, described once, as a point that follows a steering law or as a body that turns.
+"""A rocket, described once, as a point that follows a steering law or as a rotating body.
 
     point   position, velocity, mass                      thrust along a law, drag along the flow
     body    with attitude and angular velocity            thrust along the axis, forces of the
                                                           parts, jet damping, control
 
-The effects of the point read no attitude: a scene of them integrates and compiles no rotation.
+The effects of the point do not read an attitude: a scene with them does not integrate or compile
+rotation.
 
 Source: Thomson 7.8 to 7.10, 8.5; Barrowman, 1967.
 """
@@ -177,10 +178,10 @@ class Vehicle(AbstractParameters):
         fins: FinSet | Sequence[FinSet] | None = None,
         tail: RadiusChange | Sequence[RadiusChange] | None = None,
     ) -> "Vehicle":
-        """A model rocket put together from its parts.
+        """A model rocket assembled from its parts.
 
-        All stations are along one axis towards the nose, from an origin of the builder's choice;
-        the construction axes of the body have theirs at the dry centre of mass.
+        All stations are along one axis towards the nose, from an arbitrary origin; the origin of
+        the body's construction axes is the dry centre of mass.
 
         **Arguments**
 
@@ -192,11 +193,11 @@ class Vehicle(AbstractParameters):
         - `propellant_station`: of the propellant's centre, m; `grain`: outer and inner radius and
           length of the whole column of grains, m.
         - `exit_station`, `exit_radius`: of the nozzle, m.
-        - `drag`, `coasting_drag`: coefficients of the axial force by the Mach number.
-        - `table`: of all forces of the air, in place of `drag`.
-        - `nose`, `fins`, `tail`, `table`: with stations from the builder's origin; `fins` and
-          `tail` may be several in a sequence.
-        - `impulse_factor`, `axial_factor`: multiply thrust and axial force, to disperse them.
+        - `drag`, `coasting_drag`: coefficients of the axial force as functions of the Mach number.
+        - `table`: of all aerodynamic forces, in place of `drag`.
+        - `nose`, `fins`, `tail`, `table`: with stations from this origin; `fins` and `tail` may be
+          sequences.
+        - `impulse_factor`, `axial_factor`: factors on thrust and axial force, for dispersions.
 
         **Raises** `InputError` for a file that `read_motor` rejects, and for a motor that is longer
         or wider than the tube.
@@ -269,13 +270,13 @@ class Vehicle(AbstractParameters):
         powered: bool = True,
         control: AttitudeControl | Gimbal | None = None,
     ) -> tuple[AbstractEffect, ...]:
-        """The effects on a body that turns: thrust along its axis, jet damping, forces of the air,
+        """The effects on a rotating body: thrust along its axis, jet damping, aerodynamic forces,
         and the control of its attitude.
 
         **Arguments**
 
         - `air`: about the vehicle.
-        - `powered`: whether the motor may burn.
+        - `powered`: whether the motor is active.
         - `control`: of the attitude, by default none: a torque, or the gimbal of the motor, which
           is at the nozzle's exit.
 
@@ -295,7 +296,7 @@ class Vehicle(AbstractParameters):
     @property
     def ceiling(self) -> Scalar:
         """A height above the start, m, that no flight from rest on the Earth exceeds: that of a
-        climb with the greatest speed for the burn time, and of a throw with it, without air.
+        climb at the greatest speed for the burn time, followed by a ballistic ascent without air.
 
         Source: Thomson 8.1."""
         loaded = self.body.loaded_mass()
@@ -338,7 +339,7 @@ class Vehicle(AbstractParameters):
         return self.drag if powered or self.coasting_drag is None else self.coasting_drag
 
     def _coasting(self, powered: bool) -> tuple[MachTable | None, Scalar | None]:
-        """The coefficient after burnout, and its time, s; nothing where it does not change."""
+        """The coefficient after burnout, and its time, s; empty if it does not change."""
         coasting = self.coasting_drag
         # A table that knows the motor on has the motor off, too.
         if self.drag is None and self.table is not None and "axial_burning" in self.table.names:
@@ -377,7 +378,7 @@ def _shifted(part, field: str, origin: Scalar):
 
 
 def _each_shifted(parts, field: str, origin: Scalar):
-    """One part, or each of several, as `_shifted` does."""
+    """One part, or each of several, shifted as in `_shifted`."""
     if isinstance(parts, Sequence):
         return tuple(_moved(part, field, origin) for part in parts)
     return _shifted(parts, field, origin)

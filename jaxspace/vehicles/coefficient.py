@@ -1,4 +1,4 @@
-"""A coefficient of the forces of the air by the Mach number, from a table.
+"""A coefficient of the aerodynamic forces by the Mach number, from a table.
 
 Linear between the points and constant outside; one point is a constant coefficient."""
 

@@ -5,11 +5,11 @@
 On the rail there is no rotation; from its end to the first parachute the rocket has six degrees of
 freedom, under parachutes three: the attitude is no longer part of the state. A parachute opens a
 lag after its trigger: the apogee, a height above the ground on the way down, or a time after the
-ignition, as of a delay charge. Where that height or time is passed before, by an apogee below it or
-while the parachute before opens, it is triggered as soon as that one is open. Before a first
-parachute with a time the ascent ends at that time, on the way up or down.
+ignition, as for a delay charge. If that height or time has already been passed, because of a lower
+apogee or while the previous parachute opens, it is triggered as soon as that one is open. Before a
+first parachute with a time the ascent ends at that time, during climb or fall.
 
-Axes: x to the east, y to the north, z up from the ground at the rail; they turn with the Earth.
+Axes: x to the east, y to the north, z up from the ground at the rail; they rotate with the Earth.
 
 Source: Niskanen, OpenRocket technical documentation, 4.
 """
@@ -92,7 +92,8 @@ class Recovery(AbstractParameters):
         **Arguments**
 
         - `within`: the longest time to wait for it, s.
-        - `passed`: whether it is triggered at once where its height or time is passed already.
+        - `passed`: whether it is triggered immediately if its height or time has already been
+          passed.
         """
         if self.time is not None:
             return _falls(_TimeLeft(self.time), within, passed)
@@ -112,7 +113,7 @@ class _Above(eqx.Module):
 
 @final
 class _TimeLeft(eqx.Module):
-    """Time that is left until `time`, s."""
+    """Remaining time until `time`, s."""
 
     time: Scalar
 
@@ -141,7 +142,7 @@ def as_point(t: Scalar, y: BodyState) -> BodyState:
 
 
 def flight_phases(recovery: Sequence[Recovery]) -> list[str]:
-    """The names of the phases of a flight with these parachutes, in their order."""
+    """The names of the phases of a flight with these parachutes, in order."""
     names = ["rail", "ascent"]
     # One with a time ends the ascent itself.
     if recovery and recovery[0].height is not None:
@@ -173,12 +174,12 @@ def sounding_flight(
       has a height or a time; without one the mission ends at the apogee.
     - `rail_within`, `ascent_within`, `descent_within`: the longest times to wait for the end of the
       rail (by default the longest possible time of a rocket that leaves it), for the apogee, and
-      for the next parachute or the ground, s. The search for an event samples all of that time: a
-      narrow limit is a fast run.
+      for the next parachute or the ground, s. The event search samples the whole time: tight limits
+      make runs faster.
 
     **Returns** the mission, with the phases "rail", "ascent", "fall" to the height of the first
     parachute, if it has one, and for each parachute "wait", if it has a lag, and "parachute",
-    numbered; and the state at ignition, of every run.
+    numbered; and the state at ignition of every run.
 
     **Raises** `InputError` for arguments of another class, and for a parachute after the first one
     without a height or a time.
@@ -207,15 +208,15 @@ def sounding_flight(
 
 
 class _AtSite(NamedTuple):
-    """A vehicle in the air of its site, with gravity and the forces of inertia there: one of each,
-    which all phases share."""
+    """A vehicle in the air of its site, with gravity and the inertial forces there: one of each,
+    shared by all phases."""
 
     vehicle: Vehicle
     air: LocalAir
     environment: tuple[AbstractEffect, ...]
 
     def scene(self, effects: Sequence[AbstractEffect], carry: tuple[str, ...] = ()) -> Scene:
-        """The vehicle under these effects too."""
+        """The scene of the vehicle with these additional effects."""
         return Scene((*self.environment, *effects), self.vehicle.body, carry)
 
 
@@ -251,7 +252,7 @@ def _with_descent(
     within: Scalar,
     names: Iterator[str],
 ) -> list[Phase]:
-    """The phases of the ascent, and behind them those to the ground; `within`: the longest time to
+    """The phases of the ascent, followed by those to the ground; `within`: the longest time to
     wait for the end of each, s."""
     phases = list(ascent)
     # The mass remains part of the state, although it is constant: phases before and after
@@ -277,15 +278,15 @@ def _with_descent(
 
 
 def _falls(condition: _Above | _TimeLeft, within: Scalar, passed: bool) -> Event:
-    """The fall of a height or of a time that is left through zero. The parachute opens immediately
-    where the height is already `passed`; below the ground there is no landing."""
+    """The event where a height or a remaining time falls through zero. The parachute opens
+    immediately where the height is already `passed`; below the ground there is no landing."""
     # An array for both, so that phases of a descent differ in numbers alone and share a program.
     flag = jnp.asarray(passed)
     return Event(condition, -1, within, at_start=True, passed=flag)
 
 
 def _longest_on_rail(vehicle: Vehicle, site: LaunchSite) -> Scalar:
-    """The time, s, after which no rocket leaves its rail: behind the burnout that of a climb which
+    """The time, s, after which no rocket leaves its rail: the burnout plus the time of a climb that
     just comes to rest at the end, L = g sin(i) t^2/2, taken for 6 deg on a flatter rail."""
     slope = jnp.maximum(jnp.sin(site.inclination), 0.1)
     coast = jnp.sqrt(2.0 * site.rail_length / (STANDARD_GRAVITY * slope))
