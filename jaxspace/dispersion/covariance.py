@@ -10,7 +10,7 @@
     m, P    mean and covariance of the inputs                    of the inputs
     J, H    first and second derivatives of f at m               outputs per input(s)
     T       from standard normal numbers to the inputs           of the inputs
-    n       how many independent normal numbers there are        1
+    n       number of independent normal numbers                 1
     k       3 - n for n < 3, and 0 above: no weight is negative  1
 
 Source: Maybeck, Stochastic Models, Estimation, and Control, 12.3 (second order, for normal inputs);
@@ -65,7 +65,8 @@ class Moments(NamedTuple):
 
     - `names`: of the outputs, in the order of the campaign; `mean`, (d,), and `covariance`, (d, d),
       in this order.
-    - `jacobian`: derivatives of the outputs in the inputs, (d, inputs); `None` if unscented.
+    - `jacobian`: derivatives of the outputs with respect to the inputs, (d, inputs); `None` if
+      unscented.
     - `inputs`: their names, in the order of the columns.
     - `method`, `runs`, `seconds`: method, number of runs and computing time, without compilation
       and the sample.
@@ -114,17 +115,17 @@ def moments(
     - `method`: "lincov" (first derivatives, one run), "second_order" (with second derivatives), or
       "unscented" (2 n + 1 runs).
     - `accuracy`: as in `disperse`.
-    - `check`: how many runs of the campaign the result is compared with, at least 32; 0 for none.
+    - `check`: number of runs of the campaign for comparison, at least 32; 0 for none.
       Up to 256 cost the same.
 
     **Returns** a `Moments`. Where the mean or the standard deviation of an output differs from that
     of the sample by more than four of its standard errors and a tenth of the standard deviation,
-    `Moments.warnings` reports it, and a warning names the output. By "second_order" an output that
-    is not smooth at the mean, as the size of a vector that is zero there, is NaN, and a warning
-    names it.
+    `Moments.warnings` reports it, and a warning names the output. With "second_order" an output
+    that is not smooth at the mean, like the norm of a vector that is zero there, is NaN, and a
+    warning names it.
 
-    **Raises** `InputError` for another method, and for a sample that is too small;
-    `SimulationError` where the nominal run, or a sigma point, fails."""
+    **Raises** `InputError` for an unknown method, and for a sample that is too small;
+    `SimulationError` if the nominal run, or a sigma point, fails."""
     if method not in METHODS:
         raise InputError(f"method is {method!r}: it must be one of {', '.join(METHODS)}.")
     check_whole("check", check)
@@ -223,7 +224,7 @@ def _derivatives(
 ) -> _Series:
     """Value, first and second derivatives of every output at `centre`, in units of `scale`.
 
-    `names`: of the inputs in their order, which the dict loses on its way through `jit`."""
+    `names`: of the inputs in order, which a dict loses in `jit`."""
 
     def outputs(u: Array) -> tuple[dict[str, Array], tuple[dict[str, Array], Array]]:
         x = centre + scale * u
@@ -341,14 +342,14 @@ def sampled(
 ) -> dict[str, Float[Array, " runs"]]:
     """The outputs of the first runs of a campaign, each (runs,), as a differentiable function.
 
-    So any statistic has a gradient in the parameters of a design:
-    `jax.grad(lambda p: jnp.std(sampled(campaign_of(p))["apogee"]))(p)`; the draws stay the same
-    while the parameters move. The gradient of a percentile is that of the run at the percentile.
+    Any statistic therefore has a gradient with respect to the parameters of a design:
+    `jax.grad(lambda p: jnp.std(sampled(campaign_of(p))["apogee"]))(p)`; the draws do not change
+    with the parameters. The gradient of a percentile is that of the run at the percentile.
 
     **Arguments**
 
     - `campaign`: may contain traced numbers.
-    - `runs`, `seed`, `accuracy`: as of `disperse`."""
+    - `runs`, `seed`, `accuracy`: as in `disperse`."""
     check_whole("runs", runs, 1)
     check_whole("seed", seed)
     samples = campaign.samples(jax.random.key(seed), jnp.arange(runs, dtype=jnp.uint32))

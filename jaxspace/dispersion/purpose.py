@@ -1,4 +1,4 @@
-"""The accuracy of a campaign by its purpose: how it is requested."""
+"""Request for the accuracy of a campaign by its purpose."""
 
 __all__ = ["ByPurpose"]
 
@@ -18,12 +18,12 @@ BY_PURPOSE = "by purpose"
 class ByPurpose(eqx.Module):
     """The loosest tolerance sufficient for a campaign: `disperse(..., accuracy="by purpose")`.
 
-    The numerical error of each output is then below a twentieth of its sampling error, which is
-    that of the mean of so many runs, `std / sqrt(runs)`. It is determined from runs at several
-    tolerances; `Dispersion.purpose` reports the result. Studies without runs, and a replay without
-    the tolerance of the campaign, use the default tolerance.
+    The numerical error of each output is then below a twentieth of its sampling error, that of the
+    mean over the runs, `std / sqrt(runs)`. It is determined from runs at several tolerances;
+    `Dispersion.purpose` reports the result. Studies without runs, and a replay without the
+    tolerance of the campaign, use the default tolerance.
 
-    - `accuracy`: method and limits of the steps, without `rtol` and `atol`, which are found.
+    - `accuracy`: method and limits of the steps, without `rtol` and `atol`, which are determined.
 
     **Raises** `InputError` for an `accuracy` with a tolerance."""
 
@@ -46,7 +46,7 @@ CampaignAccuracy: TypeAlias = Accuracy | ByPurpose | Scalar | str | None
 def as_campaign_accuracy(given: object) -> Accuracy | ByPurpose:
     """The accuracy requested for a campaign, from any of its forms.
 
-    **Raises** `InputError` for another text than "by purpose", and as `as_accuracy`."""
+    **Raises** `InputError` for text other than "by purpose", and as `as_accuracy` does."""
     if isinstance(given, ByPurpose):
         return given
     if isinstance(given, str):

@@ -7,8 +7,9 @@
 
 Both search in the space of the standard normal variables behind the inputs, and among the values of
 a list (`Discrete`) with modified probabilities, so that rare ones are drawn; the runs are weighted
-by the ratio of the probabilities. A first sample decides: from a fifth to four fifths plain Monte
-Carlo is better, and above the rare event is that the requirement is met.
+by the ratio of the probabilities. A first sample selects the method: for a probability from a fifth
+to four fifths plain Monte Carlo is better, and above it the complement is treated as the rare
+event.
 """
 
 __all__ = ["RareEvent", "rare_event"]
@@ -45,10 +46,10 @@ class RareEvent(NamedTuple):
     """The probability of a violation.
 
     - `value`, from `low` to `high` with 95 % confidence: an interval for few weighted violations,
-      which is above zero where none was found.
+      which is above zero if none was found.
     - `variation`: standard error over the value.
-    - `runs`: all runs made, with or without derivatives; `failed`: those that failed, which count
-      as violations.
+    - `runs`: total number of runs, with or without derivatives; `failed`: the failed ones, which
+      count as violations.
     - `points`: the design points, (points, dimensions); their distances from zero are the
       reliability indices. None for subset simulation.
     - `method`: the method used: the requested one, or "monte_carlo" where the event is not rare.
@@ -86,18 +87,18 @@ def rare_event(
 
     - `campaign`: of the runs.
     - `output`: its name; `above` or `below`: the limit.
-    - `runs`: about how many.
-    - `method`: "importance" looks for the nearest violations along the derivatives, and for others
-      without them, and draws about all of them: the more accurate one. "subset" needs no
-      derivatives, and costs less where there are many inputs and slow runs.
+    - `runs`: approximate number of runs.
+    - `method`: "importance" searches the nearest violations along the derivatives, and others
+      without derivatives, and samples around all of them: the more accurate method. "subset" needs
+      no derivatives, and is cheaper for many inputs and slow runs.
     - `seed`, `accuracy`: as in `disperse`.
 
-    **Returns** a `RareEvent`. Inputs and outputs may move in steps. A probability that is not below
+    **Returns** a `RareEvent`. Inputs and outputs may be discrete. A probability that is not below
     a fifth comes from plain Monte Carlo, and one above four fifths from its complement.
 
-    **Raises** `InputError` unless exactly one finite limit is given, for another method, for an
-    unknown output, for `runs` and a `seed` that are not integers, and if importance sampling finds
-    no violation (the limit cannot be reached)."""
+    **Raises** `InputError` unless exactly one finite limit is given, for an unknown method or
+    output, for `runs` and a `seed` that are not integers, and if importance sampling finds no
+    violation (the limit cannot be reached)."""
     if (above is None) == (below is None):
         raise InputError("above and below: exactly one of them must be given.")
     if method not in ("importance", "subset"):
@@ -160,7 +161,7 @@ class _Margins:
     """The margin of a requirement as a function of the standard normal numbers of a search.
 
     `runs`, `failed`: number of runs used, and failed. If `inverted`, the event is that the
-    requirement is met."""
+    requirement is satisfied."""
 
     def __init__(
         self, campaign: Campaign, accuracy: Accuracy, output: str, limit: float, sign: float
@@ -176,7 +177,7 @@ class _Margins:
         return self._of(_searched(self.campaign, z)[0])
 
     def likelihood(self, z: np.ndarray) -> np.ndarray:
-        """The factor by which the search draws the runs too seldom, (runs,)."""
+        """The likelihood ratio of the runs: true density over that of the search, (runs,)."""
         return _searched(self.campaign, z)[1]
 
     def slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -187,7 +188,7 @@ class _Margins:
         return sign * (np.asarray(y, float) - self.limit), sign * np.asarray(dy, float).T
 
     def plain(self, runs: int, rng: np.random.Generator) -> tuple[float, float, float]:
-        """Limits and value of the probability by plain Monte Carlo."""
+        """Limits and value of the probability from plain Monte Carlo."""
         self.inverted = False
         n = sum(map(len, normal_columns(self.campaign.inputs).values()))
         g = self._of(map_normals(self.campaign.inputs, rng.standard_normal((runs, n))))
@@ -223,7 +224,7 @@ def _block(
 
 
 def _check_output(campaign: Campaign, accuracy: Accuracy, output: str) -> None:
-    """Raise `InputError` for an output that the campaign has not."""
+    """Raise `InputError` for an output that the campaign does not have."""
 
     def outputs() -> dict[str, Array]:
         return evaluate_traced(campaign, accuracy, campaign.nominal())[0]
@@ -241,7 +242,8 @@ def _check_output(campaign: Campaign, accuracy: Accuracy, output: str) -> None:
 def _values_and_slopes(
     campaign: Campaign, accuracy: Accuracy, z: Float[Array, "starts n"], output: str
 ) -> tuple[Float[Array, " starts"], Float[Array, "n starts"]]:
-    """An output at several places, and its derivatives there in the standard normal numbers."""
+    """An output at several points, and its derivatives with respect to the standard normal
+    numbers."""
 
     def value(z: Array) -> tuple[Array, Array]:
         samples = search_normals(campaign.inputs, z)[0]

@@ -34,13 +34,12 @@ from .purpose import with_tolerance
 class Replay(eqx.Module):
     """A run of a campaign with its trajectory.
 
-    - `number`, `seed`: which run it is.
-    - `inputs`, `outputs`: by name, to the last bit those of the campaign, if that stores no states:
-      without numbers for a run that is rejected or fails.
+    - `number`, `seed`: of the run.
+    - `inputs`, `outputs`: by name, bit-identical to those of the campaign if it stores no states;
+      NaN for a run that is rejected or fails.
     - `trajectory`: the phases, with the requested number of states. Its ends agree with the outputs
       to the tolerance, because steps may also end where states are saved.
-    - `refusal`: why a run is rejected; its trajectory then is that of the inputs all the same,
-      where they have one."""
+    - `refusal`: why a run is rejected; its trajectory is then that of its inputs, if possible."""
 
     number: int
     seed: int
@@ -71,7 +70,7 @@ def _run(
 def _outputs(
     campaign: AbstractCampaign, accuracy: Accuracy, drawn: Drawn, runs: int
 ) -> dict[str, float]:
-    """The outputs of the first of these runs, by the program of a campaign of so many `runs`."""
+    """The outputs of the first of these runs, from the program of a campaign of `runs` runs."""
     devices = jax.local_devices()[:1]
     blocks = Blocks.on(devices, call_size(devices))
     small = runs_as_small_program(campaign, accuracy, blocks.size, runs)

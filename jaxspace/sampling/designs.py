@@ -38,13 +38,13 @@ class AbstractDesign(HashedModule):
     def uniforms(
         self, key: Array, numbers: Integer[Array, " runs"], dimensions: int
     ) -> Float[Array, "runs dimensions"]:
-        """The places of the runs with these numbers, from 0 to 1."""
+        """The points of the runs with these numbers, from 0 to 1."""
 
     def normals(
         self, key: Array, numbers: Integer[Array, " runs"], dimensions: int
     ) -> Float[Array, "runs dimensions"]:
-        """The standard normal numbers at these places, which are finite: in single precision a
-        place may round to 0 or 1."""
+        """The standard normal numbers at these points, which are finite: in single precision a
+        point may round to 0 or 1."""
         u = self.uniforms(key, numbers, dimensions)
         least = float(jnp.finfo(u.dtype).epsneg)
         return ndtri(jnp.where(u > 0.0, jnp.minimum(u, 1.0 - least), 0.5 * least))
@@ -90,10 +90,10 @@ class LatinHypercube(AbstractDesign):
 
 @final
 class Sobol(AbstractDesign):
-    """Scrambled Sobol points: use a power of two of runs. There are 2^31 points, of at most 21201
-    standard normal numbers each.
+    """Scrambled Sobol points: use a power of two for the number of runs. There are 2^31 points, of
+    at most 21201 standard normal numbers each.
 
-    A draw raises `InputError` for more."""
+    Raises `InputError` for more when drawing."""
 
     def uniforms(
         self, key: Array, numbers: Integer[Array, " runs"], dimensions: int
@@ -162,7 +162,7 @@ def _scrambled(x: Array, seed: Array) -> Array:
 
 
 def _permuted(place: Array, count: int, seed: Array) -> Array:
-    """The number `place`, below `count`, under a permutation decided by the seed."""
+    """The number `place`, below `count`, under a permutation determined by the seed."""
     mask = 1
     while mask < count - 1:
         mask = 2 * mask + 1
@@ -216,7 +216,7 @@ def search_normals(
     inputs: Mapping[str, AbstractDistribution], z: Float[Array, "runs dimensions"] | np.ndarray
 ) -> tuple[dict[str, Float[Array, " runs"]], Float[Array, " runs"]]:
     """Inputs, each (runs,), in which rare values of a list are frequent, from independent standard
-    normal numbers; and how likely each run is in comparison, (runs,)."""
+    normal numbers; and the likelihood ratio of each run, (runs,)."""
     found = {name: jax.vmap(inputs[name].searched)(x) for name, x in _taken(inputs, z).items()}
     # The numbers of a joint distribution have no values that are rare by themselves: their factors
     # are one.
@@ -244,7 +244,7 @@ def draw(
     key: Array,
     numbers: Integer[Array, " runs"],
 ) -> dict[str, Float[Array, " runs"]]:
-    """The inputs of the runs with these numbers, each (runs,); at random without a `design`."""
+    """The inputs of the runs with these numbers, each (runs,); random without a `design`."""
     if design is not None:
         dimensions = sum(map(len, normal_columns(inputs).values()))
         return map_normals(inputs, design.normals(key, numbers, dimensions))

@@ -65,7 +65,7 @@ class AbstractDistribution(AbstractParameters):
 
     @property
     def dimensions(self) -> int:
-        """Number of standard normal numbers that make one draw."""
+        """Number of standard normal numbers required for one draw."""
         return 1
 
     @abstractmethod
@@ -74,14 +74,14 @@ class AbstractDistribution(AbstractParameters):
 
     @abstractmethod
     def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
-        """The value that has the same place in this distribution as `z` has in the standard normal
-        one, F^-1(Phi(z)): the way of Latin hypercubes, of Sobol points and of rare events.
+        """The value with the same quantile in this distribution as `z` in the standard normal one,
+        F^-1(Phi(z)), as used by Latin hypercubes, Sobol points and rare events.
 
         `z`: (), or (dimensions,) where one draw uses several."""
 
     def searched(self, z: Float[Array, "..."]) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """The value at `z` in a search for rare events, and how likely it is in comparison with
-        that search: one, except where a single value is rare, which a search must meet."""
+        """The value at `z` in a search for rare events, and its likelihood ratio relative to the
+        search: one, except where a single value is rare and must be drawn by the search."""
         value = self.from_normal(z)
         return value, jnp.ones_like(value)
 
@@ -91,7 +91,7 @@ class AbstractDistribution(AbstractParameters):
 
     @abstractmethod
     def text(self) -> str:
-        """The distribution in words, for records."""
+        """A description of the distribution, for records."""
 
 
 def _normal_share(low: float, high: float) -> float:
@@ -154,7 +154,8 @@ class Normal(AbstractDistribution):
 
 @final
 class Uniform(AbstractDistribution):
-    """All values from `low` to `high` alike. Raises `InputError` unless `high` is above `low`."""
+    """The uniform distribution from `low` to `high`. Raises `InputError` unless `high` is above
+    `low`."""
 
     low: SingleNumberField = quantity(OF_INPUT, doc="lower limit")
     high: SingleNumberField = quantity(OF_INPUT, doc="upper limit")
@@ -234,7 +235,8 @@ class TruncatedNormal(AbstractDistribution):
 
     def _rule(self) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
         """Weights of the trapezoidal rule, which is exact to rounding for smooth integrands, and
-        differences from the mean before truncation, in which a small deviation keeps its digits."""
+        differences from the mean before truncation, in which a small standard deviation is
+        accurate."""
         z = jnp.linspace(-8.5, 8.5, 2001, dtype=jnp.result_type(self.mean))
         weights = jnp.exp(-0.5 * z * z)
         return weights / jnp.sum(weights), jax.vmap(self.from_normal)(z) - self.mean
@@ -277,7 +279,7 @@ class TruncatedNormal(AbstractDistribution):
 
 @final
 class Constant(AbstractDistribution):
-    """Always the same value."""
+    """A constant value."""
 
     value: SingleNumberField = quantity(OF_INPUT, doc="value")
 

@@ -5,15 +5,14 @@
 
     symbol        meaning                                          unit
     x_(k)         the k-th smallest of n values                    that of the values
-    q_p           the value below which the share p of all lies    that of the values
+    q_p           quantile p of the values                         that of the values
     B(k; n, p)    binomial distribution, k or fewer of n           1
     I^-1(a, b, u) inverse of the regularised incomplete beta       1
     a             1 - confidence                                   1
 
-No law of the values is assumed: infinite ones have their place in the order as any other, and a
-percentile among them is infinite. NaN has no rank, and is excluded.
-Source: David and Nagaraja, Order Statistics, 3rd edition, 7.1; Clopper and Pearson, Biometrika 26
-(1934), 404.
+No distribution of the values is assumed: infinite ones are ranked like any other, and a percentile
+among them is infinite. NaN has no rank, and is excluded. Source: David and Nagaraja, Order
+Statistics, 3rd edition, 7.1; Clopper and Pearson, Biometrika 26 (1934), 404.
 """
 
 __all__ = ["Percentile", "Probability", "clopper_pearson", "percentile", "runs_for"]
@@ -48,7 +47,7 @@ class Percentile(NamedTuple):
 class Probability(NamedTuple):
     """A probability, from 0 to 1, with its confidence interval from `low` to `high`.
 
-    - `count`, `runs`: in how many of how many runs it happened."""
+    - `count`, `runs`: number of occurrences and of runs."""
 
     value: float
     low: float
@@ -69,11 +68,11 @@ def percentile(x: ArrayLike, share: float, confidence: float = 0.95) -> Percenti
 
     **Arguments**
 
-    - `x`: the values, (runs,), infinite ones among them; NaN is left out.
+    - `x`: the values, (runs,), including infinite ones; NaN is excluded.
     - `share`: from 0 to 1, exclusive.
     - `confidence`: of the interval, split evenly between its ends.
 
-    **Raises** `InputError` for a share or a confidence outside (0, 1), and without any value."""
+    **Raises** `InputError` for a share or a confidence outside (0, 1), and without values."""
     check_share("share", share)
     check_share("confidence", confidence)
     ordered = np.sort(np.asarray(x, float))
@@ -130,8 +129,8 @@ def clopper_pearson(count: int, runs: int, confidence: float = 0.95) -> Probabil
 
     **Arguments**
 
-    - `count`: how many runs it happened in.
-    - `runs`: how many there were.
+    - `count`: number of occurrences.
+    - `runs`: number of runs.
     - `confidence`: of the interval, within 0 and 1."""
     from scipy.special import betaincinv
 

@@ -1,8 +1,8 @@
-"""Requirements on the outputs of a campaign, and whether its runs show that they are met.
+"""Requirements on the outputs of a campaign, and their verification by its runs.
 
 A requirement allows a share of the runs to violate it. The true share of violations is bounded by a
-Clopper-Pearson interval: if the interval is below the allowed share, the requirement is met; if
-above, it is violated; if it contains the allowed share, more runs are required for a decision.
+Clopper-Pearson interval: if the interval is below the allowed share, the requirement is satisfied;
+if above, it is violated; if it contains the allowed share, more runs are required for a decision.
 """
 
 __all__ = ["Requirement", "Verdict"]
@@ -25,7 +25,7 @@ WHICH = ("worst", "least", "greatest")
 class Requirement(NamedTuple):
     """A requirement on an output.
 
-    - `low`, `high`: the least and the greatest value that is allowed; `None` for no limit.
+    - `low`, `high`: the least and the greatest allowed value; `None` for no limit.
     - `allowed`: the share of the runs that may violate it, between 0 and 1; `None` for no verdict.
     - `confidence`: of the interval that decides."""
 
@@ -55,7 +55,7 @@ class Requirement(NamedTuple):
 
 @printed()
 class Verdict(NamedTuple):
-    """Whether a requirement is met.
+    """Whether a requirement is satisfied.
 
     - `word`: "pass", "fail" or "not yet known".
     - `violation`: the probability of a violation, with its interval.
@@ -84,8 +84,8 @@ def verdict_of(violation: Probability, allowed: float) -> Verdict:
 def extreme_place(
     which: str, output: str, x: np.ndarray, low: float | None, high: float | None
 ) -> int:
-    """The place of the run that is "least", "greatest" or "worst" by the values `x` of an output,
-    (runs,), NaN for runs that do not count; `low` and `high` are its limits. Raises `InputError` as
+    """The index of the run that is "least", "greatest" or "worst" according to the values `x` of an
+    output, (runs,), NaN for excluded runs; `low` and `high` are its limits. Raises `InputError` as
     `Dispersion.run_of` does."""
     if which not in WHICH:
         raise InputError(f"which is {which!r}: it must be one of {', '.join(WHICH)}.")

@@ -93,8 +93,8 @@ def circular_error(
 
     **Arguments**
 
-    - `x`, `y`: the coordinates, each (runs,), in one unit.
-    - `target`: a point; the mean, if left out.
+    - `x`, `y`: the coordinates, each (runs,), in the same unit.
+    - `target`: a point; by default the mean.
     - `share`: of the runs, within 0 and 1."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     # The mean leaves infinite values out; their distance is infinite, and counts.
@@ -131,7 +131,7 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
 
     **Returns** a `Convergence`.
 
-    **Raises** `InputError` for a share outside (0, 1), and for values of which none is finite."""
+    **Raises** `InputError` for a share outside (0, 1), and if no value is finite."""
     x = np.asarray(x, float)
     x = x[~np.isnan(x)]
     finite = np.isfinite(x)
@@ -163,10 +163,10 @@ class StopRule:
     """Rule that ends a campaign: the percentile `share` of an output must be known, with this
     `confidence`, to `precision` times the distance of that percentile from the mean.
 
-    `StopRule("apogee", 0.99, 0.01)` reads "until the 99 % limit of apogee is known to 1 %". Its
+    `StopRule("apogee", 0.99, 0.01)` means "until the 99 % limit of apogee is known to 1 %". Its
     numbers are between 0 and 1.
 
-    Raises `InputError` for another number."""
+    Raises `InputError` for other numbers."""
 
     output: str
     share: float = 0.99
@@ -191,18 +191,18 @@ class StopRule:
         return half / distance if distance > 0.0 else (0.0 if half == 0.0 else np.inf)
 
     def text(self) -> str:
-        """The rule in words."""
+        """The rule as text."""
         return (
             f"until the {100.0 * self.share:g} % limit of {self.output} is known to "
             f"{100.0 * self.precision:g} %"
         )
 
     def met(self, x: ArrayLike) -> bool:
-        """Whether these runs are enough."""
+        """Whether these runs are sufficient."""
         return self.error(x) <= self.precision
 
     def more(self, x: ArrayLike) -> int:
-        """Estimate, from these runs, of the total number needed; 0 where that is not known."""
+        """Estimate, from these runs, of the total number required; 0 if unknown."""
         error = self.error(x)
         runs = int((~np.isnan(np.asarray(x, float))).sum())
         # The interval shrinks as one over the root of the number of runs.
