@@ -1,4 +1,4 @@
-"""Control laws of attitude and spin, from the attitude, the angular velocity and the wheels.
+"""Control laws for attitude and spin, from the attitude, the angular velocity and the wheels.
 
     M = -k_p sign(q_0) 2 q - k_d omega - k_i int(2 q dt)     quaternion feedback
     M = -k h                                                 momentum dumping
@@ -60,8 +60,8 @@ def error_vector(attitude: Quaternion, target: Array) -> Vector:
 class QuaternionFeedback(AbstractController):
     """Rotates a body to a target attitude and keeps it there.
 
-    The command is a torque on the body, N m, (3, *runs); with `axes` the torques on wheels that
-    give it, (wheels, *runs). The integral waits while a command is cut by a limit."""
+    The command is a torque on the body, N m, (3, *runs); with `axes` the corresponding torques on
+    wheels, (wheels, *runs). The integral is frozen while a command is saturated."""
 
     stiffness: NumberField = quantity(
         "N m", non_negative=True, doc="k_p, torque per radian of a small error"
@@ -110,7 +110,8 @@ class QuaternionFeedback(AbstractController):
 
 @final
 class MomentumDumping(AbstractController):
-    """Takes the momentum of wheels off the body by an external torque, as of thrusters.
+    """Removes the momentum of wheels from the body with an external torque, such as that of
+    thrusters.
 
     The command is that torque, N m, (3, *runs). While it acts, the attitude controller decelerates
     the wheels. Reads "wheels", the momenta about the axes."""
@@ -138,7 +139,7 @@ class MomentumDumping(AbstractController):
 
 @final
 class SpinRateControl(AbstractController):
-    """Brings a body to a rate about an axis, without a torque across it."""
+    """Brings a body to a given rate about an axis, without a transverse torque."""
 
     gain: NumberField = quantity("N m s", positive=True, doc="k, torque over rate")
     rate: NumberField = quantity("rad/s", doc="n, target rate about the axis")
@@ -155,7 +156,7 @@ class SpinRateControl(AbstractController):
 
 @final
 class NutationControl(AbstractController):
-    """Damps the rate across an axis, without a torque about it."""
+    """Damps the rate transverse to an axis, without a torque about it."""
 
     gain: NumberField = quantity("N m s", positive=True, doc="k, torque over rate")
     axis: Float[Array, "3 *#runs"] = quantity(

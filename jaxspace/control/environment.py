@@ -3,7 +3,7 @@
     observation, state = environment.reset(key)
     observation, state, reward, done, info = environment.step(key, state, action)
 
-An episode that ends starts again in the same call: `state` and `observation` are then those of the
+A finished episode restarts in the same call: `state` and `observation` are then those of the
 new one, and `info` contains the last observation of the old one. Runs are on the last axes:
 `reset(key, (1024,))` starts a thousand episodes, and `step` advances them as a batch, faster than
 with `jax.vmap`, which works as well.
@@ -27,7 +27,8 @@ from ._advance import select
 @final
 @printed()
 class Box(NamedTuple):
-    """A space of vectors: `shape` without runs, and the least and greatest value of a component."""
+    """A space of vectors: `shape` without batch axes, and the least and greatest value of a
+    component."""
 
     low: float
     high: float
@@ -99,16 +100,16 @@ class AbstractEnvironment(AbstractParameters):
     def step(
         self, key: PRNGKeyArray, state: Episode, action: Float[Array, "actions *#runs"]
     ) -> tuple[Array, Episode, Array, Array, dict[str, PyTree]]:
-        """One period.
+        """Advance by one period.
 
         **Arguments**
 
-        - `key`: from which an episode that ends starts again.
-        - `state`: of every run; `action`: cut to between -1 and 1.
+        - `key`: for the restart of a finished episode.
+        - `state`: of every run; `action`: clipped to between -1 and 1.
 
         **Returns** observation, state, reward, whether the episode has ended, and `info`:
-        `truncated`, whether only its time was up; `last`, the observation before a reset; and the
-        report of the task."""
+        `truncated`, whether it ended because of its time limit; `last`, the observation before a
+        reset; and the report of the task."""
         space = self.action_space
         action = jnp.clip(action, space.low, space.high)
         y, span = self.advance(state.y, action, state.time)

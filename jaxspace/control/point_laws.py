@@ -1,4 +1,4 @@
-"""Control laws of a point, and linear ones of any state.
+"""Control laws for a point, and linear ones for any state.
 
     u = k_p (r - x) - k_d v + k_i int((r - x) dt)            PID, and PD without k_i
     a = 6 (r - x - v t_g - g t_g^2/2) / t_g^2                least effort (ZEM, ZEV)
@@ -6,7 +6,7 @@
     x_{k+1} = A x_k + B (z_k - r),  u_k = C x_k + D (z_k - r)
 
     symbol         meaning                                          unit
-    x, v, r        position, velocity, where to go                  m, m/s, m
+    x, v, r        position, velocity, target                       m, m/s, m
     t_g, v_f       time to go, velocity at the end                  s, m/s
     g, m, T        gravity, mass, thrust                            m/s^2, kg, N
     A, B, C, D     matrices of a linear controller with memory x    any
@@ -35,8 +35,8 @@ from ._integral import Integral, integrated, integrating, unwound
 
 @final
 class PID(AbstractController):
-    """A command proportional to an error, to its rate and, where there is a gain for it, to its
-    integral, component by component. The integral waits while the command is cut by a limit.
+    """A command proportional to an error, to its rate and, optionally, to its integral, component
+    by component. The integral is frozen while the command is saturated.
 
     - `reads`, `rate`: names of the measurements, position and velocity by default."""
 
@@ -71,11 +71,12 @@ class PID(AbstractController):
 
 @final
 class LeastEffortGuidance(AbstractController):
-    """Brings a body to a place with a velocity at a time, by the thrust of least integral of its
-    square in uniform gravity. The command is the thrust in inertial axes, N, (3, *runs).
+    """Brings a body to a position with a velocity at a given time, with the thrust that minimises
+    the integral of its square in uniform gravity. The command is the thrust in inertial axes, N,
+    (3, *runs).
 
     Reads position, velocity and mass. Valid where the thrust stays within its limit; the time to go
-    falls no lower than `least_time`."""
+    is bounded below by `least_time`."""
 
     arrival: NumberField = quantity("s", doc="arrival time")
     gravity: Float[Array, "3 *#runs"] = quantity("m/s^2", doc="g, in inertial axes")
@@ -104,11 +105,11 @@ class LeastEffortGuidance(AbstractController):
 
 @final
 class LinearController(AbstractController):
-    """A linear controller with a memory, given by tables of numbers.
+    """A linear controller with a memory, given by matrices.
 
     The measurement is one vector z: the concatenated readings, or all numbers of the state.
 
-    Raises `InputError` for tables whose sizes do not fit together."""
+    Raises `InputError` for matrices with incompatible sizes."""
 
     d: Float[Array, "commands inputs"] = quantity("", doc="D, command over measurement")
     a: Float[Array, "states states"] | None = quantity(
@@ -162,7 +163,7 @@ class LinearController(AbstractController):
 
 
 def _vector(measured: PyTree) -> Array:
-    """Readings, or the numbers of a state, one after the other, (inputs, *runs)."""
+    """Concatenated readings, or the numbers of a state, (inputs, *runs)."""
     # In the order of the dictionary, which is that of the sensors, because trees sort their keys.
     parts: Sequence[Any] = (
         [measured[name] for name in measured] if isinstance(measured, Mapping) else [measured]

@@ -12,7 +12,7 @@
     x_i     sigma points m +- columns of sqrt(n + k) L, propagated as one batch; k = 1
     H       derivatives of h at the mean; of the unscented filter half differences of its readings
             at the sigma points, whose even part adds to R
-    Q_d     covariance by the process noise over the interval, about the mean
+    Q_d     covariance due to the process noise over the interval, about the mean
     r, S    innovation and its covariance
 
 Source: Maybeck, Stochastic Models, Estimation, and Control, 9.5; Julier and Uhlmann (Proc. IEEE 92,
@@ -50,7 +50,7 @@ FilterArguments: TypeAlias = tuple[
 accuracy."""
 
 KAPPA = 1.0
-"""k of the sigma points: positive, so that no weight is negative whatever their number."""
+"""k of the sigma points: positive, so that no weight is negative for any number of points."""
 
 
 @final
@@ -60,8 +60,8 @@ class Filtered(HashedModule):
 
     - `ts`, `states`, `covariance`: times (times,), means and covariances (n, n, times, *runs), in
       the coordinates named by `names`.
-    - `innovations`: readings less predictions (m, times, *runs), zero where there is none, and
-      their covariance S.
+    - `innovations`: readings minus predictions (m, times, *runs), zero without a reading, and their
+      covariance S.
     - `status`: of each propagation, (times - 1, *runs), as in a `Trajectory`."""
 
     ts: Float[Array, " times"]
@@ -105,7 +105,7 @@ def kalman_filter(
     batch: bool = False,
     accuracy: Accuracy | Scalar | None = None,
 ) -> Filtered:
-    """The state of a system from readings, one after the other.
+    """Kalman filter: the state of a system from sequential readings.
 
     **Arguments**
 
@@ -113,20 +113,20 @@ def kalman_filter(
       before its reading; the covariance, (n, n), in local coordinates, zero for a state known
       exactly.
     - `ts`: the times of the readings, s, ascending.
-    - `readings`: (m, times); NaN where there is none.
+    - `readings`: (m, times); NaN for missing ones.
     - `measure`: a function (t, y) -> (m,) that predicts a reading.
     - `noise`: standard deviations of the readings, (m,), or their covariance R, (m, m).
     - `process`: the spectral density Q of the process noise, (n, n), per s, or a function (t, y) of
       it; none by default.
-    - `kind`: "extended", by derivatives, or "unscented", by sigma points.
+    - `kind`: "extended", with derivatives, or "unscented", with sigma points.
     - `batch`: whether the last axis of `y0` and `readings` is a batch axis, with separately
       filtered runs.
     - `accuracy`: of the propagation, as in `simulate`.
 
-    **Returns** a `Filtered`. Differentiable, as a run is. A propagation that fails leaves NaN from
-    there on, and its status.
+    **Returns** a `Filtered`. It is differentiable, like a run. After a failed propagation,
+    estimates are NaN, and the status reports the failure.
 
-    **Raises** `InputError` for another kind, and for shapes that do not fit."""
+    **Raises** `InputError` for an unknown kind, and for incompatible shapes."""
     if kind not in KINDS:
         raise InputError(f"kind is {kind!r}: it must be one of {', '.join(KINDS)}.")
     ts, readings = jnp.asarray(ts), jnp.asarray(readings)

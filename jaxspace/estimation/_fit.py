@@ -1,4 +1,4 @@
-"""Parameters from data: weighted least squares on exact Jacobians.
+"""Parameter estimation: weighted least squares with exact Jacobians.
 
     minimise  sum_k ((z_k - h_k(p)) / sigma_k)^2  +  sum_j ((p_j - p0_j) / s_j)^2
     P = (J^T J)^-1,     J = d r / d p         covariance of the estimate
@@ -50,7 +50,7 @@ Model: TypeAlias = Callable[[Any], PyTree]
 """Function that predicts the readings from the parameters."""
 
 Known: TypeAlias = tuple[PyTree, PyTree, Scalar]
-"""Deviations of the readings, those of the parameters beforehand, and the tolerance."""
+"""Standard deviations of the readings, prior ones of the parameters, and the tolerance."""
 
 
 def fit(
@@ -65,16 +65,15 @@ def fit(
     max_steps: int = 64,
     batch: bool = False,
 ) -> Fit:
-    """The parameters with which a model predicts the data best, and how well they are known.
+    """The best-fit parameters of a model to data, and their uncertainties.
 
     **Arguments**
 
-    - `model`: from parameters to predicted readings, a tree of arrays like `data`. Whatever it
-      calls, such as `simulate` with `throw=False`, is differentiated in forward mode.
-    - `data`: the readings, a tree of arrays with the time on the last axis; NaN where there is
-      none.
-    - `parameters`: where the search starts: a tree of arrays, such as an initial state, a mass and
-      the biases of the instruments together. A quaternion moves on its group.
+    - `model`: from parameters to predicted readings, a pytree of arrays like `data`. It is
+      differentiated in forward mode, including calls such as `simulate` with `throw=False`.
+    - `data`: the readings, a pytree of arrays with the time on the last axis; NaN for missing ones.
+    - `parameters`: start of the search: a pytree of arrays, such as an initial state, a mass and
+      the biases of the instruments together. A quaternion is varied on its group.
     - `noise`: standard deviations of the readings: one number, or a pytree of numbers or arrays
       with the structure of `data`. Without it all readings have equal weights, and the noise is
       estimated from their scatter.
@@ -85,13 +84,13 @@ def fit(
     - `tolerance`: relative change of the residuals and of the parameters at which the search ends.
     - `max_steps`: of the search.
     - `batch`: whether the arrays of `data` and `parameters` have data sets on their last axis, each
-      of which is fitted separately. The model sees one.
+      of which is fitted separately. The model receives a single one.
 
-    **Returns** a `Fit`; with `batch` its arrays carry the data sets on the last axis.
+    **Returns** a `Fit`; with `batch` its arrays have the data sets on the last axis.
 
-    **Raises** `InputError` for another method, for noise that is not positive, for predictions of
-    another structure than the data, and for fewer readings than parameters; `SimulationError`
-    for a run of the model that fails."""
+    **Raises** `InputError` for an unknown method, for noise that is not positive, for predictions
+    with a structure other than that of the data, and for fewer readings than parameters;
+    `SimulationError` for a run of the model that fails."""
     if method not in METHODS:
         raise InputError(f"method is {method!r}: it must be one of {', '.join(METHODS)}.")
     parameters = jax.tree.map(jnp.asarray, parameters)
@@ -186,7 +185,7 @@ class _Task(NamedTuple):
     """A problem of a fit: a model of parameters in `coordinates`, and readings with their standard
     deviations.
 
-    - `seen`: which of the readings are there; `beforehand`: prior standard deviations of the
+    - `seen`: mask of the available readings; `beforehand`: prior standard deviations of the
       parameters, (n,)."""
 
     model: Model
@@ -198,7 +197,7 @@ class _Task(NamedTuple):
 
     @classmethod
     def of(cls, model: Model, data: PyTree, parameters: PyTree, known: Known) -> "_Task":
-        """The task, checked."""
+        """The validated task."""
         noise, prior, _ = known
         coordinates = Coordinates.of(parameters, 0)
         data = jax.tree.map(lambda x: jnp.asarray(x, coordinates.dtype), data)

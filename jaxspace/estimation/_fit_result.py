@@ -22,13 +22,15 @@ this power: 1e-7 in double precision, 1e-3 in single."""
 
 @final
 class Fit(HashedModule):
-    """Parameters found by `fit`, and how far they can be trusted. With `batch`, the data sets are
-    on the last axis of every array.
+    """Parameters estimated by `fit`, and their uncertainties. With `batch`, the data sets are on
+    the last axis of every array.
 
     - `parameters`: the estimate, like the start. `names`: of its coordinates.
-    - `residuals`: reading minus prediction over the noise, like the data; zero where none is.
-    - `chi_squared`: the sum of their squares; `freedom`: readings less parameters.
-    - `scaled_variance`: by which the covariance is multiplied: 1 for noise that was stated.
+    - `residuals`: reading minus prediction over the noise, like the data; zero for missing
+      readings.
+    - `chi_squared`: the sum of their squares; `freedom`: number of readings minus number of
+      parameters.
+    - `scaled_variance`: factor on the covariance: 1 for given noise.
     - `singular_values`, `directions`: of the Jacobian with columns of length one; the rows of
       `directions` are combinations of parameters. `columns`: the lengths themselves.
     - `steps`, `converged`: of the search.
@@ -84,15 +86,14 @@ class Fit(HashedModule):
 
     @property
     def p_value(self) -> Float[Array, "*runs"]:
-        """The probability of a larger `chi_squared` due to noise only; NaN if no noise was
-        stated."""
+        """The probability of a larger `chi_squared` due to noise only; NaN without given noise."""
         tail = chi_squared_tail(self.chi_squared, self.freedom)
         return tail if self.stated else jnp.full_like(tail, jnp.nan)
 
     def observability(self) -> str:
-        """Sentences on the unobservable combinations of parameters; empty without any.
+        """Messages about unobservable combinations of parameters; empty without any.
 
-        **Raises** `InputError` for a batch: ask `of(i)`."""
+        **Raises** `InputError` for a batch: use `of(i)`."""
         if self.singular_values.ndim > 1:
             raise InputError("This fit is a batch: select one of its data sets, fit.of(i).")
         blind = np.asarray(self.directions)[~np.asarray(self._seen)]

@@ -1,4 +1,4 @@
-"""A checked scene file, which builds its systems and campaigns."""
+"""A validated scene file, which builds its systems and campaigns."""
 
 import dataclasses
 import functools
@@ -74,7 +74,7 @@ class SceneFile(FileContent):
     Its fields are those of its content (`FileContent`): `path`, `text`, the `parsed` values in SI,
     the `inputs` and `outputs` of a campaign, the `units` of its numbers, the `task` of [optimize],
     and the `files` and `modules` that it names; its `kind` is "system", "scene", "mission" or
-    "flight", and its `title` the name of the file where it has none. It starts at `start`, s."""
+    "flight", and its `title` defaults to the name of the file. It starts at `start`, s."""
 
     @functools.cached_property
     def accuracy(self) -> Accuracy:
@@ -87,7 +87,7 @@ class SceneFile(FileContent):
         purpose". For a file with `final_error`, the tolerance required by its nominal run, which is
         simulated for this purpose, rounded down to two digits.
 
-        **Raises** `SimulationError` where that run fails."""
+        **Raises** `SimulationError` if that run fails."""
         if self.by_purpose:
             return DEFAULT_RTOL["float64"]
         if self.final_error is None:
@@ -109,7 +109,7 @@ class SceneFile(FileContent):
 
     @functools.cached_property
     def final_error(self) -> FinalError | None:
-        """The error that the file asks for at the end of its nominal run; `None` without."""
+        """The final error that the file requests for its nominal run; `None` without."""
         return requested_error(self.values["final_error"], steps_of(self.parsed, None))
 
     @property
@@ -133,7 +133,7 @@ class SceneFile(FileContent):
 
     @property
     def mission(self) -> Mission:
-        """The file as a mission; of a system or a scene, a mission of one phase."""
+        """The file as a mission; for a system or a scene, a mission with one phase."""
         return self._nominal[0]
 
     @functools.cached_property
@@ -148,8 +148,8 @@ class SceneFile(FileContent):
 
     @functools.cached_property
     def site(self) -> LaunchSite | None:
-        """The launch site of a flight, with its rail and the air above it; `None` for another
-        file."""
+        """The launch site of a flight, with its rail and the air above it; `None` for other
+        files."""
         return self.parsed.building().make(SITE) if self.kind == "flight" else None
 
     @functools.cached_property
@@ -168,15 +168,16 @@ class SceneFile(FileContent):
         num_saved: int | None = None,
         throw: bool = True,
     ) -> Simulated | LoopRun:
-        """The nominal run: of a system or a scene, of a mission, or of the loop of a file with
-        [control], whichever the file describes (`kind`, `loop`).
+        """The nominal run of the system, scene, mission or closed loop that the file describes
+        (`kind`, `loop`).
 
-        **Arguments**, the first three in place of those of the file
+        **Arguments**, of which the first three override those of the file
 
-        - `ts`: as in `jaxspace.simulate`; of a mission the time at which it starts.
+        - `ts`: as in `jaxspace.simulate`; for a mission its start time.
         - `accuracy`: as in `jaxspace.simulate`.
-        - `events`: as there, or as in `ClosedLoop.simulate`; the phases of a mission have theirs.
-        - `num_saved`: as in `jaxspace.simulate_mission`, of a mission.
+        - `events`: as there, or as in `ClosedLoop.simulate`; the phases of a mission define their
+          own.
+        - `num_saved`: as in `jaxspace.simulate_mission`, for a mission.
         - `throw`: whether to raise `SimulationError` for a failed run.
 
         **Raises** `InputError` and `SimulationError` as these do."""
@@ -213,8 +214,8 @@ class SceneFile(FileContent):
 
         - `samples`: numbers of the file by their path, each (runs,).
 
-        **Returns** the mission, whose parameters are scalars or carry the runs on the last axis,
-        and the states, which carry them everywhere."""
+        **Returns** the mission, whose parameters are scalars or have the batch axis last, and the
+        states, which are always batched."""
         # A campaign has at least one input, which gives the number of runs.
         runs = next(iter(samples.values())).shape[0]
         numbers = replaced(self.values, samples)
@@ -287,7 +288,8 @@ class SceneFile(FileContent):
         **Returns** an `Optimum`, whose `converged` indicates whether the search reached its
         tolerance; `Optimum.checked` compares it with a run at the accuracy of the file.
 
-        **Raises** `InputError` without [optimize], or where the gradient is not the slope."""
+        **Raises** `InputError` without [optimize], or if the gradient disagrees with finite
+        differences."""
         if self.task is None:
             raise InputError("optimize is missing: a table with design variables is required here.")
         if self.task.dispersed:
@@ -342,7 +344,7 @@ class SceneFile(FileContent):
 
     def nominal_mission(self, samples: int | None = None, factor: float = 1.0) -> MissionTrajectory:
         """The nominal run as a mission, at the accuracy of the file times `factor`, or with its
-        `final_error` where the factor is one; its status reports a failure.
+        `final_error` if the factor is one; its status reports a failure.
 
         `samples`: states of each phase; by default as many as the outputs of [dispersion] need."""
         samples = self._states_read if samples is None else samples
@@ -369,16 +371,16 @@ class SceneFile(FileContent):
 
         **Arguments**
 
-        - `nominal`: the run, as `nominal_mission` or `simulate` returns it.
-        - `every`: whether to return all outputs whose arguments the file has, in place of those of
+        - `nominal`: the run, as returned by `nominal_mission` or `simulate`.
+        - `every`: whether to return all outputs whose arguments the file has, instead of those of
           [dispersion]."""
         specs = applicable_outputs(self.parsed, self.units) if every else self.outputs
         # Without a reference: the nominal run deviates from itself by nothing.
         return outputs_of(nominal, self._outputs_of(specs, None))
 
     def shown_unit(self, name: str, si: str) -> tuple[str, float]:
-        """The unit in which a quantity of this name is shown, that of the file for it or for
-        another of its kind, and the factor from the unit `si` to it."""
+        """The display unit of a quantity with this name, that of the file for it or for another one
+        of its kind, and the factor from the unit `si` to it."""
         unit = self.units.of(name, si)
         return unit, in_unit(si, unit)
 
