@@ -462,14 +462,14 @@ def test_networks_are_controllers():
         (lambda: ClosedLoop(POINT, lambda a, b, c: a, period=1.0), "takes 3 arguments"),
         (
             lambda: ClosedLoop(Scene([]), PID(1, 1), period=1.0).simulate(START, [0.0, 1.0]),
-            "no part",
+            "Scene has no actuator",
         ),
         (lambda: ClosedLoop(POINT, PID(1, 1), period=1.0).simulate(START, [1.0, 0.0]), "ascending"),
         (
             lambda: jax.jit(
                 lambda t: ClosedLoop(POINT, PID(1, 1), period=1.0).simulate(START, t).status
             )(jnp.array([0.0, 1.0])),
-            "must be known",
+            "ts is traced: it must be concrete",
         ),
     ],
 )
