@@ -27,7 +27,7 @@ class Criterion(eqx.Module):
 
     - `objective`: the minimised value.
     - `equal_zero`, `non_negative`: the constraints c and d, arrays, or `None` where there are none.
-      - `report`: further values that the caller needs at the minimum.
+    - `report`: further values that the caller needs at the minimum.
     """
 
     objective: Float[Array, ""]
@@ -129,14 +129,15 @@ class Minimum(HashedModule):
     """The result of `minimise`.
 
     - `x` and the `criterion` there.
-    - `multipliers`: lambda and nu in the places of c and d, with 1 for f: grad f + lambda . grad c
-      - nu . grad d = 0. For an infeasible problem they are weights of the search without a meaning.
+    - `multipliers`: lambda and nu at the positions of c and d, with 1 for f: grad f + lambda . grad
+      c
+      - nu . grad d = 0. For an infeasible problem they are meaningless weights of the search.
     - `gradient`: the largest component of that sum in the scaled unknowns, which is compared with
       the tolerance; `violation`: the largest of the constraints, in the units of the constraint.
-    - `steps`: of all descents; `converged`: whether gradient and violation met the tolerance, or
-      the gradient is as small as the rounding of the objective allows (`StopReason.ROUNDED`).
+    - `steps`: of all descents; `converged`: whether gradient and violation reached the tolerance,
+      or the gradient is as small as the rounding of the objective allows (`StopReason.ROUNDED`).
     - `gradient_error`: the relative difference between the gradient and finite differences at the
-      start; zero where it was not checked. Above 1e-3 the gradient is wrong.
+      start; zero if not checked. Above 1e-3 the gradient is wrong.
     - `reason`: why the search ended, a `StopReason`; `sentence()` explains it.
     - `bound_multipliers`: the derivative of the objective with respect to each active bound, at the
       position of its unknown in x; about zero elsewhere.
@@ -172,9 +173,8 @@ class Minimum(HashedModule):
 
     def sentence(self, unmet: Sequence[str] | None = None) -> str:
         """A message why the search ended; for a search that did not reach the tolerance it includes
-        the violated constraints and a remedy. For a known result of one run.
-
-        - `unmet`: a clause for each constraint that is not met, in place of its number here.
+        the violated constraints and a remedy. For a concrete result of one run. - `unmet`: a clause
+        for each violated constraint, instead of its number.
 
         Raises `InputError` for several runs, or under `jit`."""
         if not is_concrete(self.reason) or self.reason.ndim > 0:
@@ -264,8 +264,8 @@ class Minimum(HashedModule):
 
     @property
     def influence(self) -> Point:
-        """The largest derivative of objective and constraints by each unknown, scaled as in the
-        search; zero for an unknown on which none of them depends there. For one run.
+        """The largest derivative of objective and constraints with respect to each unknown, scaled
+        as in the search; zero for an unknown without influence there. For one run.
 
         Raises `InputError` for a `Minimum` without the state of its search."""
         if self.search is None:
@@ -282,7 +282,7 @@ class Minimum(HashedModule):
     def unmet(self) -> tuple[Bool[np.ndarray, " equal"], Bool[np.ndarray, " inequal"]]:
         """The violated equalities and inequalities, flattened, for a concrete result of one run.
 
-        No entry is true where the search converged, or did not begin."""
+        No entry is true if the search converged or was not started."""
         parts = (self.criterion.equal_zero, self.criterion.non_negative)
         c, d = (np.zeros(0) if x is None else np.ravel(np.asarray(x)) for x in parts)
         # Violations in different units cannot be compared: the weights of the search scale them.
@@ -319,7 +319,7 @@ def _named(name: str, values: Array | None, flags: np.ndarray, asked: str) -> li
 
 
 def _places(values: Array) -> list[str]:
-    """The index of each entry of a flat array; of a number none."""
+    """The index of each entry of a flat array; empty for a number."""
     return [f"[{k}]" if np.ndim(values) else "" for k in range(np.size(values))]
 
 

@@ -27,7 +27,7 @@ ROUNDING = 1e-9
 
 @printed()
 class Estimate(NamedTuple):
-    """A `value` with its standard `error`, in the unit of the output; NaN where none is known."""
+    """A `value` with its standard `error`, in the unit of the output; NaN if unknown."""
 
     value: float
     error: float
@@ -41,11 +41,11 @@ class Estimate(NamedTuple):
 
 
 class AssessedLimit(NamedTuple):
-    """A limit by fresh runs.
+    """A limit assessed on independent runs.
 
     - `constraint`: the limit; `value`: of its statistic.
     - `verdict`: share of the runs that violate its requirement on each run, with its interval;
-      `None` where it requires nothing of a run."""
+      `None` if it has no requirement on single runs."""
 
     constraint: Constraint
     value: Estimate
@@ -64,9 +64,9 @@ class AssessedLimit(NamedTuple):
 
 
 class AssessedDesign(NamedTuple):
-    """A design by fresh runs.
+    """A design assessed on independent runs.
 
-    - `x`: the design; `runs`: the fresh campaign.
+    - `x`: the design; `runs`: the independent campaign.
     - `measured`: the statistic that was minimised.
     - `limits`: the constraints; `failed`: the share of failed runs."""
 
@@ -84,11 +84,11 @@ class AssessedDesign(NamedTuple):
 
 @final
 class DesignAssessment(HashedModule):
-    """Designs assessed by the same fresh runs.
+    """Designs assessed on the same independent runs.
 
     - `designs`: a `AssessedDesign` for each, by name; the optimum of the search is "robust".
     - `optimum`: the result of the search; `on_search`: the statistic on its runs.
-    - `seed`: of the fresh runs.
+    - `seed`: of the independent runs.
     """
 
     designs: dict[str, AssessedDesign]
@@ -115,7 +115,7 @@ class DesignAssessment(HashedModule):
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """Worth, gap, tails and warnings, in words."""
+        """Messages about worth, gap, tails and warnings."""
         objective = self.optimum.problem.objective
         fresh = self.designs["robust"].runs
         result = []
@@ -209,7 +209,7 @@ class DesignAssessment(HashedModule):
 
 
 def _difference(a: float, b: float, error: float) -> Estimate:
-    """a - b with its error, both zero where they are those of rounding."""
+    """a - b with its error, both zero if they are due to rounding."""
     least = ROUNDING * max(abs(a), abs(b))
     known = abs(a - b) > least
     return Estimate(a - b if known else 0.0, error if error > least else 0.0)
@@ -224,7 +224,7 @@ def _percent(share: Probability) -> str:
 
 
 def _shares(limit: AssessedLimit) -> str:
-    """Share of violations and verdict of a limit that requires something of each run."""
+    """Share of violations and verdict of a limit with a requirement on each run."""
     assert limit.verdict is not None
     word, violation, allowed = limit.verdict
     return f"{_percent(violation)} of {100.0 * allowed:.3g} %: {word}"

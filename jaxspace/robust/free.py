@@ -42,8 +42,8 @@ class FreeDesign(NamedTuple):
 
 @final
 class _BuildWith(eqx.Module):
-    """The `build` of a campaign, with the values `x` at their paths: a module and no closure, so
-    that the campaigns of several designs share their compiled programs."""
+    """The `build` of a campaign, with the values `x` at their paths: a module instead of a closure,
+    so that the campaigns of several designs share their compiled programs."""
 
     build: Callable[[dict[str, Array]], tuple[Mission, State]]
     x: dict[str, PyTree]
@@ -66,8 +66,8 @@ def free_by_path(campaign: Campaign, free: Mapping[str, Free]) -> FreeDesign:
     - `free`: by path, such as `"mission.phases.1.system.thrust"` or `"state.v"`: a number, an array
       or any module, of which all floats are free.
 
-    **Returns** a `FreeDesign`. **Raises** `InputError` for a path that there is not, a part without
-    floats, one that a random input sets, and bounds of which the lower one is not below.
+    **Returns** a `FreeDesign`. **Raises** `InputError` for an unknown path, a part without floats,
+    one that is set by a random input, and invalid bounds.
     """
     if not free:
         raise InputError("free is empty: it must name at least one design variable.")
@@ -106,8 +106,8 @@ def free_by_path(campaign: Campaign, free: Mapping[str, Free]) -> FreeDesign:
 
 
 def _at_path(built: PyTree, path: str) -> PyTree:
-    """The part at a path of mission and state, or of a tree like them. Raises `InputError` where
-    there is none."""
+    """The part at a path of mission and state, or of a tree like them. Raises `InputError` if there
+    is none."""
     root, *names = path.split(".")
     if root not in ROOTS:
         raise InputError(

@@ -10,9 +10,9 @@
     m         their mean                                            that of the output
     a         limit                                                 that of the output
     q         share of the runs below the quantile                  1
-    h, b      widths by which each run is smoothed                  that of the output
+    h, b      smoothing widths of each run                          that of the output
     Phi       normal distribution function                          1
-    G, H      distribution of a kernel that ends, and its integral  1
+    G, H      distribution of a finite kernel, and its integral     1
 
 Counts and order statistics have no useful derivative: it is zero, or that of a single run, and
 jumps. The last three are therefore those of a smoothed sample (`_smoothed.py`), whose widths fall
@@ -59,11 +59,11 @@ TAIL = 20
 
 
 class Measured(NamedTuple):
-    """A statistic of known runs.
+    """A statistic of concrete runs.
 
     - `value`: of the statistic.
-    - `influence`: the change of the value by each run, (runs,), zero for runs that are left out;
-      NaN where it is not known."""
+    - `influence`: the influence of each run on the value, (runs,), zero for excluded runs; NaN if
+      unknown."""
 
     value: float
     influence: np.ndarray
@@ -81,17 +81,16 @@ class AbstractStatistic(HashedModule):
 
     @abstractmethod
     def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
-        """The statistic of the values `x`, of which those of `good` runs count; differentiable.
-
-        NaN where no run is good."""
+        """The statistic of the values `x` of the `good` runs; differentiable. NaN if no run is
+        good."""
 
     @abstractmethod
     def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
-        """The statistic of known runs as a count or an order statistic, with its error."""
+        """The statistic of concrete runs as a count or an order statistic, with its error."""
 
     @abstractmethod
     def text(self) -> str:
-        """The statistic in words."""
+        """The statistic as text."""
 
     def at_nominal(self, x: Float[Array, ""]) -> Float[Array, ""]:
         """The value of the statistic without dispersion, for the output `x`."""
@@ -99,12 +98,12 @@ class AbstractStatistic(HashedModule):
 
     @property
     def tail(self) -> float | None:
-        """The share of the runs that decide about it; `None` where all of them do."""
+        """The share of the runs that determine it; `None` if all of them do."""
         return None
 
     @property
     def of_few(self) -> bool:
-        """Whether few of the runs have all the weight in its derivative."""
+        """Whether its derivative depends on few of the runs only."""
         return False
 
     @property
@@ -133,7 +132,7 @@ class AbstractStatistic(HashedModule):
 
 @final
 class Constraint(HashedModule):
-    """A limit of a statistic, made by its `at_most` and `at_least`.
+    """A limit of a statistic, created with its `at_most` and `at_least`.
 
     - `limit`: the greatest value if `upper`, otherwise the least.
 
@@ -167,7 +166,7 @@ class Constraint(HashedModule):
         return self.statistic.requirement(self.limit, self.upper)
 
     def text(self) -> str:
-        """The constraint in words."""
+        """The constraint as text."""
         return f"{self.statistic.text()} {self._side} {self.limit:g}"
 
     def label(self) -> str:
@@ -267,7 +266,7 @@ class Quantile(AbstractStatistic):
 class CVaR(AbstractStatistic):
     """The mean of the runs above the quantile of a `share`: the conditional value at risk.
 
-    - `lower`: whether small values are bad: the mean of as many runs with the lowest ones.
+    - `lower`: whether small values are unfavourable: the mean of as many runs with the lowest ones.
 
     Raises `InputError` unless the share is between 0 and 1."""
 
@@ -370,9 +369,9 @@ class Violation(AbstractStatistic):
 class Worst(AbstractStatistic):
     """The greatest value of all runs.
 
-    - `lower`: whether small values are bad: the least one.
+    - `lower`: whether small values are unfavourable: the least one.
 
-    Its derivative is that of one run, and jumps to another's: `CVaR` is easier to minimise."""
+    Its derivative is that of one run, and switches between runs: `CVaR` is easier to minimise."""
 
     output: str = eqx.field(static=True)
     lower: bool = eqx.field(static=True, default=False)
@@ -407,6 +406,6 @@ def _moments(x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> tuple[Arra
 
 
 def _known_moments(x: np.ndarray, good: np.ndarray) -> tuple[float, np.ndarray, int]:
-    """The mean of the successful runs, how far each is from it, and how many there are."""
+    """The mean of the successful runs, the distance of each from it, and their number."""
     mean = float(np.mean(x[good]))
     return mean, np.where(good, x - mean, 0.0), int(np.count_nonzero(good))

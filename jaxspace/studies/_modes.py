@@ -55,27 +55,28 @@ class Modes(HashedModule):
 
     @property
     def frequencies(self) -> Float[Array, "n *#runs"]:
-        """|lambda|, rad/s: of a mode without damping its angular frequency."""
+        """|lambda|, rad/s: the angular frequency of an undamped mode."""
         size = self.eigenvalues.real**2 + self.eigenvalues.imag**2
         zero = size == 0.0
         return jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, size)))
 
     @property
     def damping_ratios(self) -> Float[Array, "n *#runs"]:
-        """-Re(lambda) / |lambda|: 1 of a decay, -1 of a growth, 0 of a ringing and at zero."""
+        """-Re(lambda) / |lambda|: 1 for decay, -1 for growth, 0 for an undamped oscillation and at
+        zero."""
         size = self.frequencies
         zero = size == 0.0
         return jnp.where(zero, 0.0, -self.eigenvalues.real / jnp.where(zero, 1.0, size))
 
     @property
     def growth(self) -> Float[Array, "*#runs"]:
-        """The greatest real part, 1/s: below zero the state is stable to small changes."""
+        """The greatest real part, 1/s: negative for a state that is stable to small
+        perturbations."""
         return jnp.max(self.eigenvalues.real, axis=0)
 
     @property
     def stable(self) -> Bool[Array, "*#runs"]:
-        """Whether every small change decays: a ringing that neither grows nor decays is not
-        stable."""
+        """Whether every small change decays: an undamped oscillation is not stable."""
         # Roundings of the matrix move a root from the imaginary axis.
         rounding = 1e2 * jnp.finfo(self.matrix.dtype).eps
         return self.growth < -rounding * jnp.max(jnp.abs(self.eigenvalues), axis=0)
@@ -112,7 +113,7 @@ class Modes(HashedModule):
         return magnitude, jnp.unwrap(phase, axis=1 + w.ndim) if w.ndim else phase
 
     def plot_bode(self, frequency: Float[ArrayLike, " frequencies"], title: str = "") -> "Figure":
-        """Bode's plot of all transfer functions, and of all runs, a matplotlib figure.
+        """Bode plot of all transfer functions and runs, a matplotlib figure.
 
         **Arguments**
 
@@ -143,7 +144,7 @@ class Modes(HashedModule):
         input: int = 0,
         title: str = "",
     ) -> "Figure":
-        """The root locus of one run, a matplotlib figure; arguments as those of `root_locus`.
+        """The root locus of one run, a matplotlib figure; arguments as in `root_locus`.
 
         **Raises** `ImportError` where matplotlib is not installed."""
         from ..plots import root_locus_figure
@@ -212,14 +213,14 @@ def modes(
 
     **Arguments**
 
-    - `system`: any system; parameters with runs on the last axis give a batch.
+    - `system`: any system; parameters with a batch axis give a batch.
     - `y`: the state, usually an equilibrium: see `equilibrium`.
-    - `inputs`: names of parameters of the system that are driven, or functions
+    - `inputs`: names of driven parameters of the system, or functions
       (system, u) -> system of one number.
     - `outputs`: names of parts of the state, or functions of the state.
     - `t`: the time, s.
 
-    **Returns** the `Modes`, differentiable in everything; see there for eigenvalues that meet.
+    **Returns** the `Modes`, differentiable in everything; see there for coinciding eigenvalues.
 
     **Raises** `InputError` for a name that is neither a parameter nor a part of the state."""
     blocks = Blocks.of(system, y, t)
@@ -247,16 +248,16 @@ def modes(
 
 
 def equilibrium(system: AbstractSystem, y: State, t: Scalar = 0.0, steps: int = 20) -> State:
-    """The equilibrium near a state, by Newton's method with the shortest steps.
+    """The equilibrium near a state, with Newton's method and minimum-norm steps.
 
     **Arguments**
 
     - `system`, `t`: whose vector field vanishes at the equilibrium.
-    - `y`: where the search begins; coordinates on which nothing depends stay there.
-    - `steps`: of Newton's method; the digits double in each.
+    - `y`: start of the search; coordinates without influence are unchanged.
+    - `steps`: of Newton's method; the number of correct digits doubles in each.
 
-    **Returns** the state; its derivatives in the parameters are those of the equilibrium. One run;
-    map it by `jax.vmap`."""
+    **Returns** the state; its derivatives with respect to the parameters are those of the
+    equilibrium. For a batch use `jax.vmap`."""
 
     def newton(system: AbstractSystem, y: State, repeated: int = 1) -> State:
         blocks = Blocks.of(system, y, t)

@@ -1,4 +1,4 @@
-"""The verb that carries a covariance along a run or through a mission."""
+"""The verb that propagates a covariance along a run or through a mission."""
 
 import functools
 from collections.abc import Sequence
@@ -86,14 +86,14 @@ def propagate_covariance(
       and the state; for a mission common to all phases, or a list with one for each.
     - `batch`: whether the last axis is the batch axis, as in `simulate_batch`; `in_axes` as there.
     - `accuracy`: as in `simulate`.
-    - `events`, `dense`: as in `simulate`, of a system; an event here reads a `MeanCovariance`.
-    - `num_saved`: as in `simulate_mission`, of a mission.
-    - `throw`: whether to raise `SimulationError` for a failed run; by default of one run, not of a
-      batch.
+    - `events`, `dense`: as in `simulate`, for a system; an event here reads a `MeanCovariance`.
+    - `num_saved`: as in `simulate_mission`, for a mission.
+    - `throw`: whether to raise `SimulationError` for a failed run; by default for a single run, not
+      for a batch.
 
     **Returns** the run, whose states are `MeanCovariance`, and its covariance, (n, n, times,
-    *runs); of a mission a `MissionCovariance`, mapped through its events and jumps. Without noise,
-    `Sensitivity.covariance` is the cheaper way.
+    *runs); for a mission a `MissionCovariance`, propagated through its events and jumps. Without
+    noise, `Sensitivity.covariance` is cheaper.
 
     **Raises** `InputError` as `simulate` does, for a covariance or a noise of a wrong size, for a
     closed-loop phase, whose commands are not part of the state, and for branches."""
@@ -144,7 +144,8 @@ def propagate_covariance(
 
 
 def _initial(covariance: ArrayLike | None, size: Coordinates, more: int) -> Factors:
-    """The covariance of the initial state, (n, n, *runs), and of `more` that is known exactly."""
+    """The covariance of the initial state, (n, n, *runs), and of `more` exactly known
+    coordinates."""
     n, runs = size.count, size.trailing[0]
     P = jnp.zeros((n, n), size.dtype) if covariance is None else jnp.asarray(covariance, size.dtype)
     _check("covariance", P.shape, size)

@@ -24,9 +24,9 @@ class Influence(NamedTuple):
 
     - `effect`: its name; `phases` that it acts in.
     - `influence`: the size of the change of the output without it, in the output's unit: the
-      `linear` prediction, or `left_out`, from a run without it, where both differ by more than a
+      `linear` prediction, or `left_out`, from a run without it, if both differ by more than a
       tenth: then it is `nonlinear`.
-    - `left_out` is `None` where the run without the effect fails; see `failure`.
+    - `left_out` is `None` if the run without the effect fails; see `failure`.
     - `change`: of the output without the effect, component by component.
     - `share`: of the arithmetic of the whole run."""
 
@@ -51,8 +51,8 @@ class EffectBudget:
       not reach its end.
     - `rows`: an `Influence` for every effect, the largest first.
     - `tolerance`: acceptable change of the output; with `None` the fields below are undefined.
-    - `kept`: the smallest set of effects within the tolerance; `dropped`: the others; `change`: how
-      far the output moves in a run with exactly that set; `seconds`, `seconds_kept`: the median
+    - `kept`: the smallest set of effects within the tolerance; `dropped`: the others; `change`:
+      change of the output in a run with exactly that set; `seconds`, `seconds_kept`: the median
       times of both runs."""
 
     output: str
@@ -84,7 +84,7 @@ class EffectBudget:
     def plot(self) -> "Figure":
         """A bar for every effect, a matplotlib figure.
 
-        **Raises** `ImportError` where matplotlib is not installed."""
+        **Raises** `ImportError` if matplotlib is not installed."""
         from ..plots import effect_budget_figure
 
         return effect_budget_figure(self)
@@ -118,7 +118,7 @@ class EffectBudget:
         )
 
     def _smallest_set(self) -> list[str]:
-        """The effects that may be left out, in words."""
+        """A description of the effects that may be omitted."""
         if self.tolerance is None:
             return []
         unit = f" {self.unit}" if self.unit else ""

@@ -43,11 +43,11 @@ class Cost(NamedTuple):
     - `seconds`: the median run; `compile_seconds`: ahead of the first run of this method and
       precision.
     - `evaluations` of the vector field, accepted `steps`; `memory`, bytes, of the compiled run
-      (`None`: not known).
+      (`None`: unknown).
     - `drift`: the largest relative change of every invariant at the save times.
-    - `gradient_error`, `gradient_seconds`: of the gradient in the initial state; `None` where it
-      was not measured.
-    - `failure`: why the run is not to be used; empty for a good run."""
+    - `gradient_error`, `gradient_seconds`: of the gradient with respect to the initial state;
+      `None` if not measured.
+    - `failure`: reason for excluding the run; empty for a valid run."""
 
     method: str
     precision: str
@@ -69,8 +69,9 @@ class Price(NamedTuple):
     """The lowest cost of a final error.
 
     - `error`: relative, of the final state.
-    - `setting`: the method and the tolerance that reach it, in words; `seconds`: the time of a run.
-    - `tenth`: relative time for a tenth of this error; NaN where no run reaches it."""
+    - `setting`: a description of the method and the tolerance that reach it; `seconds`: the time of
+      a run.
+    - `tenth`: relative time for a tenth of this error; NaN if no run reaches it."""
 
     error: float
     setting: str
@@ -83,10 +84,10 @@ class Price(NamedTuple):
 class AccuracyCost:
     """Cost of accuracy in one run: a row for every setting.
 
-    - `rows`: in the order of precision, method and falling tolerance.
+    - `rows`: in the order of precision, method and decreasing tolerance.
     - `reference`: the reference of the errors, and `reference_error`, an estimate of its error;
       empty and NaN without a valid run: the first of the `notes` gives the reason.
-    - `precision`: of the given state; `cheapest` looks among its rows.
+    - `precision`: of the given state; `cheapest` selects among its rows.
     - `notes`: omissions and their reasons. `methods`: the method of every name.
     - `max_steps`: maximum number of steps of a run."""
 
@@ -99,14 +100,14 @@ class AccuracyCost:
     max_steps: int = MAX_STEPS
 
     def cheapest_row(self, error: float = 1e-8, precision: str | None = None) -> Cost:
-        """The fastest of the good rows whose error is small enough.
+        """The fastest of the valid rows with a sufficiently small error.
 
         **Arguments**
 
-        - `error`: the largest that is allowed, relative, of the final state.
+        - `error`: largest allowed relative error of the final state.
         - `precision`: "float64" or "float32"; by default that of the given state.
 
-        **Raises** `InputError` when there is none; it names the best error that was reached."""
+        **Raises** `InputError` if there is none, with the smallest reached error."""
         check_positive("error", error)
         if not self.reference:
             raise InputError(f"error is {error:.3g}, and none was measured. {self.notes[0]}")
@@ -162,7 +163,7 @@ class AccuracyCost:
     def plot(self) -> "Figure":
         """The work-precision diagram, a matplotlib figure.
 
-        **Raises** `ImportError` where matplotlib is not installed."""
+        **Raises** `ImportError` if matplotlib is not installed."""
         from ..plots import accuracy_cost_figure
 
         return accuracy_cost_figure(self)
@@ -187,7 +188,8 @@ class AccuracyCost:
 
 
 FIXED_STEP_RTOL = 0.99
-"""The tolerance of a fixed-step method, which only judges it: no local error exceeds the state."""
+"""The tolerance of a fixed-step method, which only assesses it: no local error exceeds the
+state."""
 
 
 def method_name(method: Method) -> str:
@@ -206,7 +208,7 @@ def _setting(row: Cost) -> str:
 
 
 def _failures(rows: Sequence[Cost]) -> list[str]:
-    """Why rows failed, a line for those of a method that failed for one reason."""
+    """Reasons of failed rows, one line for all rows of a method with the same reason."""
 
     def kind(row: Cost) -> tuple[str, str, str]:
         return row.method, row.precision, row.failure
