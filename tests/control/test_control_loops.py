@@ -244,7 +244,7 @@ def test_sensors_are_seeded_and_have_their_deviation():
     np.testing.assert_allclose(steps.std(), 0.1 * 0.1, rtol=5 / np.sqrt(6000))
     again = loop.simulate(resting, ts, key=jax.random.key(0))
     np.testing.assert_array_equal(read, again.readings["position"][:, :-1])
-    with pytest.raises(InputError, match="sensor position is noisy"):
+    with pytest.raises(InputError, match="sensor position has noise"):
         loop.simulate(resting, ts)
 
 
