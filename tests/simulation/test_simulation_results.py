@@ -73,7 +73,7 @@ def test_formulas_apply_to_whole_trajectories():
     np.testing.assert_array_equal(one.states.position, batch.states.position[:, :, 3])
     np.testing.assert_array_equal(run[2].position, run.states.position[:, 2])
     np.testing.assert_array_equal(batch[2].position, batch.states.position[:, 2])
-    with pytest.raises(InputError, match="one run"):
+    with pytest.raises(InputError, match="is a single run"):
         run.of(0)
 
 
