@@ -68,8 +68,8 @@ def steps_for(
     parts = (getattr(y0, "position", None), getattr(y0, "velocity", None))
     if is_traced((system, y0, duration)) or any(part is None for part in parts):
         raise InputError(
-            "steps_for requires a concrete state with a position and a velocity: give the number "
-            "of steps instead."
+            "steps_for requires a position and a velocity with concrete values, outside of jit: "
+            "give the number of steps instead."
         )
     n = np.asarray(_mean_motion(system, y0, jnp.asarray(t0, y0.position.dtype)))
     if np.all(np.isnan(n)):
