@@ -235,7 +235,7 @@ def test_phases_of_a_mission_follow_one_another(tmp_path):
 def test_batches_and_states_that_cannot_be_seen_are_refused(tmp_path):
     batch = spacecraft()
     batch.status = np.zeros(3)
-    with pytest.raises(InputError, match="one run"):
+    with pytest.raises(InputError, match="single run"):
         view_page(batch, tmp_path / "run.html")
     with pytest.raises(InputError, match="neither a position nor an attitude"):
         view_page(run(None, SimpleNamespace(angle=TIMES)), tmp_path / "run.html")
