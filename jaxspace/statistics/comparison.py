@@ -24,6 +24,7 @@ import numpy as np
 
 from ..core import InputError
 from ..core.common_units import factor_between
+from ..core.listed import Listed
 from ..core.printing import printed
 from ..core.text import aligned
 from ._dispersion import Dispersion
@@ -104,7 +105,7 @@ class CampaignComparison(NamedTuple):
     @property
     def changed_verdicts(self) -> tuple[VerdictChange, ...]:
         """The verdicts that changed."""
-        return tuple(x for x in self.verdicts if x.word_before != x.word_after)
+        return Listed(x for x in self.verdicts if x.word_before != x.word_after)
 
     @property
     def rows(self) -> list[tuple[str, ...]]:

@@ -40,7 +40,7 @@ def test_report_of_a_store(folder, capsys):
     assert sum(x * x for x in start) ** 0.5 == pytest.approx(6378.137 + 643.7376, abs=0.2)
     # Processor time is told beside the parts of the wall time, and is none of them.
     kept = open_store(folder / "coast.zarr")
-    assert list(data["time"]) == ["compiling and starting", "running", "storing"]
+    assert list(data["time"]) == ["compilation and start-up", "running", "storing"]
     wall = kept.seconds + kept.attributes["storing_seconds"]
     assert sum(data["time"].values()) == pytest.approx(wall, rel=1e-12)
     assert data["time"]["running"] > 0.0

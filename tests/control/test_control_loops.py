@@ -355,7 +355,7 @@ def test_phases_of_loops_join_at_a_sample():
     _reads_as_its_trajectory(second)
     # Its system alone does not repeat it: the controller would be missing.
     for repeat in (second.trajectory.error, lambda: crossings(second.trajectory, lambda t, y: t)):
-        with pytest.raises(InputError, match="is a closed loop"):
+        with pytest.raises(InputError, match="not available for a closed loop"):
             repeat()
 
 

@@ -42,7 +42,16 @@ NO_RESULTS = {
     **dict.fromkeys(("DOP853", "Tsit5"), "methods"),
 }
 # Those that print in their own way, as tests of their packages show.
-OWN = {"AccuracyCost", "Dispersion", "EffectBudget", "Fit", "Law", "LawReport", "LoopRun"}
+OWN = {
+    "AccuracyCost",
+    "CampaignComparison",
+    "Dispersion",
+    "EffectBudget",
+    "Fit",
+    "Law",
+    "LawReport",
+    "LoopRun",
+}
 OWN |= {
     "DesignOptimum",
     "Estimate",

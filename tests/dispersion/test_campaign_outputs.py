@@ -159,7 +159,10 @@ def test_a_mission_that_always_raises_is_a_failure():
 
 @pytest.mark.parametrize(
     ("make", "words"),
-    [(raising, "a function of the campaign raises an error"), (refusing, "the output 'rate'")],
+    [
+        (raising, "simulated: a function of the campaign raises an error"),
+        (refusing, "evaluated: the output 'rate'"),
+    ],
 )
 def test_the_replay_of_a_run_that_raises_says_what_was_raised(make, words):
     # Two deviations above the mean: few, since each of them is sought in halves of its call.
@@ -170,7 +173,7 @@ def test_the_replay_of_a_run_that_raises_says_what_was_raised(make, words):
     assert 0 < fast.sum() < 64
     np.testing.assert_array_equal(found.status == Status.RAISED, fast)
     number = int(np.flatnonzero(fast)[0])
-    with pytest.raises(SimulationError, match=f"Run {number} cannot be run: {words}") as raised:
+    with pytest.raises(SimulationError, match=f"Run {number} cannot be {words}") as raised:
         campaign.replay(number)
     assert "ValueError: too fast" in str(raised.value) and "\n" not in str(raised.value)
 

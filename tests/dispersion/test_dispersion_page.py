@@ -108,7 +108,7 @@ def test_page_holds_card_limits_and_failures(tmp_path):
     assert data["histograms"]["constant"]["counts"] == [989]
     assert data["contributors"]["constant"]["inputs"] == []
     assert data["matrix"] == ["apoapsis", LONG]
-    assert data["time"] == {"compiling and starting": 2.0, "running": 7.0}
+    assert data["time"] == {"compilation and start-up": 2.0, "running": 7.0}
     assert data["trajectories"] is None and 'id="trajectories"' not in page
 
 
