@@ -59,6 +59,11 @@ def points_from(slope: Slope, points: np.ndarray, violations: np.ndarray, most: 
     return _near(points)
 
 
+def united(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The points of both sets, (points, n), each of which is there once."""
+    return _near(_with_new(a, b))
+
+
 def explained(points: np.ndarray, z: np.ndarray) -> np.ndarray:
     """The violations z, (runs, n), beyond the plane through a point, perpendicular to its
     direction: the limit itself where the output is linear."""

@@ -17,7 +17,9 @@ that of the second part. Each part is weighted with the density from which it wa
 estimates by the variances that the violations of the simulations predict, so that they remain
 unbiased.
 
-The density from one simulation should cover the violations found by the other one. Violations that
+The density from one simulation, with the design points to which its violations lead, should cover
+the violations found by the other one. The weights of these violations predict the variance of the
+estimate, which the draws underestimate where they miss the largest weights. Violations that
 neither density covers would be missed by both with the product of the probabilities, which widens
 the interval (capture and recapture). A violation is covered if its weight is not many times the
 probability, which is the weight of all violations under the best density.
@@ -30,7 +32,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._design_points import Slope, design_points, explained, points_from
+from ._design_points import Slope, design_points, explained, points_from, united
 from ._estimate import Estimate
 from ._mixture import Mixture, mixture
 from ._subset import Margin, explore
@@ -65,11 +67,13 @@ class Searched(NamedTuple):
     """The results of the searches.
 
     - `points`: design points, (points, n).
+    - `of_groups`: those known without the violations of the other group, for each group.
     - `apart`: violations of the wide search that no point explains, (runs, n).
     - `found`: violations of the subset simulations.
     - `made`: number of runs, without those with derivatives."""
 
     points: np.ndarray
+    of_groups: tuple[np.ndarray, np.ndarray]
     apart: np.ndarray
     found: Violations
     made: int
@@ -85,7 +89,7 @@ def importance(
 ) -> tuple[np.ndarray, Estimate | None]:
     """The design points, (points, n), and the probability of a violation, from about so many
     `runs`; `None` where no violation is found. `slope` is `None` where there are no derivatives."""
-    points, apart, found, made = _search(margin, likelihood, slope, n, runs, rng)
+    points, of_groups, apart, found, made = _search(margin, likelihood, slope, n, runs, rng)
     if len(found.z) == len(points) == len(apart) == 0:
         return points, None
     first = mixture(points, found.z, found.first, found.share, rng, apart)
@@ -106,10 +110,13 @@ def importance(
     shares = np.array(counts) / moments
     shares /= shares.sum()
     value = float(sum(a * np.mean(w) for a, w in zip(shares, parts, strict=True)))
+    crossed = _crossed(of_groups, apart, found, factor, rng)
     square = 0.0
     for a, w, moment, count in zip(shares, parts, moments, counts, strict=True):
-        # The variance that the search predicts counts where the draws miss the large weights.
-        predicted = moment * value - value**2 if len(found.z) else 0.0
+        # The variance that the search predicts counts where the draws miss the large weights. A
+        # density is too large at the violations that shaped it, and their weights too small.
+        predicted = max(moment, _moment(found, crossed)) * value - value**2
+        predicted = predicted if len(found.z) else 0.0
         square += a**2 * max(float(np.var(w, ddof=1)), predicted) / count
     scaled = [
         a / k * np.append(w, e) for a, k, w, e in zip(shares, counts, parts, expected, strict=True)
@@ -118,7 +125,7 @@ def importance(
         value,
         math.sqrt(square) / value if value > 0.0 else math.inf,
         max(float(w.max()) for w in scaled),
-        _unseen(points, apart, found, factor, value, rng),
+        _unseen(of_groups, found, crossed, value),
         made + left,
     )
 
@@ -142,6 +149,7 @@ def _search(
     apart, more = pulled_in(margin, wide[~explained(points, wide)])
     made += more
     found = Violations(np.zeros((0, n)), np.zeros(0, bool), np.zeros(0))
+    of_groups = points, points
     # Without a point a short simulation explains nothing.
     parts = ((SHORT, runs // 6), (LONG, runs // 3)) if len(points) else ((LONG, runs // 3),)
     for part, share in parts:
@@ -154,13 +162,19 @@ def _search(
         some = Violations(z, np.arange(len(z)) < len(groups[0]), factor)
         found = _joined(found, some)
         if slope is not None:
-            points = points_from(slope, points, z, most)
+            # Separately, so that the violations of one group can check the points of the other.
+            a, b = (
+                points_from(slope, before, group, most // 2)
+                for before, group in zip(of_groups, groups, strict=True)
+            )
+            of_groups = a, b
+            points = united(a, b)
         if len(points):
             density = mixture(points, z[:0], some.first[:0], factor[:0], rng)
             weights = factor * density.weights(z)
             if np.max(weights) < EXPLAINED * np.median(weights):
                 break
-    return Searched(points, apart, found, made)
+    return Searched(points, of_groups, apart, found, made)
 
 
 def _joined(a: Violations, b: Violations) -> Violations:
@@ -189,27 +203,46 @@ def _drawn(
     return z, weights
 
 
-def _unseen(
-    points: np.ndarray,
+def _crossed(
+    of_groups: tuple[np.ndarray, np.ndarray],
     apart: np.ndarray,
     found: Violations,
     factor: np.ndarray,
-    value: float,
     rng: np.random.Generator,
+) -> np.ndarray:
+    """Weights of the violations of each group in the density of the other one, (runs,)."""
+    weights = np.zeros(len(found.z))
+    for one, points in zip((found.first, ~found.first), of_groups, strict=True):
+        some, half = found.z[one], np.arange(np.count_nonzero(one)) % 2 == 0
+        density = mixture(points, some, half, found.share[one], rng, apart)
+        weights[~one] = factor[~one] * density.weights(found.z[~one])
+    return weights
+
+
+def _moment(found: Violations, crossed: np.ndarray) -> float:
+    """Mean of the weights of violations, from those `crossed`; zero unless both groups have some,
+    because a density without violations is not that of the draws."""
+    if found.first.all() or not found.first.any():
+        return 0.0
+    return float(found.share @ crossed)
+
+
+def _unseen(
+    of_groups: tuple[np.ndarray, np.ndarray],
+    found: Violations,
+    crossed: np.ndarray,
+    value: float,
 ) -> float:
     """Estimated share of the violations that are not covered, from those of one group that the
     density of the other one does not cover."""
     if len(found.z) == 0:
         return 0.0
     missed = []
-    for one in (found.first, ~found.first):
-        some, share = found.z[one], found.share[one]
+    for one, points in zip((found.first, ~found.first), of_groups, strict=True):
         # A search that finds nothing covers nothing, and shows nothing that the other one missed.
         if one.all() or not (len(points) or one.any()):
             missed.append(1.0)
             continue
-        density = mixture(points, some, np.arange(len(some)) % 2 == 0, share, rng, apart)
-        weights = factor[~one] * density.weights(found.z[~one])
-        far = weights > UNCOVERED * value
-        missed.append(float(found.share[~one] @ far / found.share[~one].sum()))
+        share = found.share[~one]
+        missed.append(float(share @ (crossed[~one] > UNCOVERED * value) / share.sum()))
     return min(missed[0] * missed[1], 0.9)

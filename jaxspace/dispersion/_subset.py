@@ -31,8 +31,10 @@ LEVEL = 0.1
 SEARCHED = 0.25
 CORRELATION = 0.8
 CHAINED = 4.5
-"""Widening of the interval by the correlation of the runs of a chain: its variance is 1 +
-this times that of independent runs. Of 40 repetitions for 1e-6 the logarithms scattered by 0.41."""
+"""Least widening of the interval by the correlation of the runs of a chain: its variance is 1 +
+this times that of independent runs. Of 40 repetitions for 1e-6 the logarithms scattered by 0.41.
+The correlation within a level is measured; that between levels, of chains from one ancestor, is
+not."""
 # A level that retains more than this share of its runs makes no progress.
 DIVIDES = 0.5
 MOST_LEVELS = 40
@@ -61,6 +63,8 @@ class Levels(NamedTuple):
     - `size`: the number of independent runs that would know the share as well.
     - `variance`: of `reached`, relative.
     - `violations`: runs of the last level that violate, distributed as all violations are.
+    - `seeds`: the least number of distinct runs from which the chains of a level start; infinite
+      without chains.
     - `made`: number of runs made."""
 
     reached: float
@@ -68,6 +72,7 @@ class Levels(NamedTuple):
     size: float
     variance: float
     violations: Population
+    seeds: float
     made: int
 
 
@@ -85,9 +90,8 @@ def descend(
     size = len(first.g)
     keep = max(int(level_share * size), 2)
     here, made, reached, variance, top = first, 0, 1.0, 0.0, math.inf
+    chains, distinct = 0, math.inf
     for level in range(MOST_LEVELS):
-        # The runs of the first level are independent, those of the chains are not.
-        widened = 1.0 if level == 0 else 1.0 + CHAINED
         while True:
             ordered = np.sort(here.g)
             border = float(ordered[keep - 1])
@@ -102,16 +106,43 @@ def descend(
             made += size
         if ends:
             break
+        widened = _widening(inside[:size], chains)
         passed = float(np.mean(inside))
         reached *= passed
         variance += (1.0 - passed) / (passed * len(here.g)) * widened
         top = border
-        here, spent = extended(margin, here.taken(np.flatnonzero(inside)), top, size, rng)
+        seeds = here.taken(np.flatnonzero(inside))
+        chains = _number_of_chains(seeds, size)
+        here, spent = extended(margin, seeds, top, size, rng)
+        distinct = min(distinct, len(np.unique(here.z[:chains], axis=0)))
         made += spent
     violated = np.flatnonzero(here.g < 0.0)
     share = len(violated) / len(here.g)
-    independent = len(here.g) / widened
-    return Levels(reached, share, independent, variance, here.taken(violated), made)
+    independent = len(here.g) / _widening(here.g[:size] < 0.0, chains)
+    return Levels(reached, share, independent, variance, here.taken(violated), distinct, made)
+
+
+def _widening(inside: np.ndarray, chains: int) -> float:
+    """Variance of the share of runs inside, (runs,), over that of independent runs.
+
+    Step by step of so many `chains`; none are independent runs. Source: Au and Beck, eq. 28 and
+    29."""
+    if chains == 0:
+        return 1.0
+    steps = len(inside) // chains
+    x = inside[: steps * chains].reshape(steps, chains).astype(float)
+    x -= x.mean()
+    square = float(np.mean(x**2))
+    if square == 0.0:
+        return 1.0 + CHAINED
+    lags = np.arange(1, steps)
+    correlation = np.array([np.mean(x[k:] * x[:-k]) for k in lags]) / square
+    return 1.0 + max(CHAINED, 2.0 * float((1.0 - lags / steps) @ correlation))
+
+
+def _number_of_chains(seeds: Population, size: int) -> int:
+    """How many of the seeds start a chain of a level with `size` runs."""
+    return min(len(seeds.g), max(size // 2, 1))
 
 
 def _moved(margin: Margin, here: Population, border: float, rng: np.random.Generator) -> Population:
@@ -131,7 +162,7 @@ def extended(
     """`size` runs at or below the border, by chains from the `seeds`, which all step at once; and
     number of runs used."""
     # Chosen at random where there are many, because the first ones come from the first chains.
-    order = rng.permutation(len(seeds.g))[: max(size // 2, 1)]
+    order = rng.permutation(len(seeds.g))[: _number_of_chains(seeds, size)]
     result = last = seeds.taken(order)
     made = 0
     while len(result.g) < size:
@@ -174,10 +205,10 @@ def subset(
     found = descend(margin, drawn(margin, (size, n), rng), LEVEL, runs, rng)
     made = size + found.made
     if found.share == 0.0:
-        return Estimate(0.0, math.inf, found.reached / found.size, 0.0, made)
+        return Estimate(0.0, math.inf, found.reached / found.size, 0.0, made, found.seeds)
     factor = likelihood(found.violations.z)
     value = found.reached * found.share * float(np.mean(factor))
     # The part of the last level: of the share, and of the factors of its violations.
     last = float(np.mean(factor**2) / np.mean(factor) ** 2) - found.share
     variance = found.variance + last / (found.share * found.size)
-    return Estimate(value, math.sqrt(variance), value * variance, 0.0, made)
+    return Estimate(value, math.sqrt(variance), value * variance, 0.0, made, found.seeds)

@@ -55,8 +55,9 @@ class RareEvent(NamedTuple):
     - `method`: the method used: the requested one, or "monte_carlo" where the event is not rare.
     - `warning`: a message if the value is based on few violations, or regions may have been missed
       by the search, which the interval accounts for; empty otherwise.
-    - `reliable`: False if independent searches found violations in different regions, so that the
-      interval may miss the probability in more than 5 % of cases."""
+    - `reliable`: False if the interval may miss the probability in more than 5 % of cases:
+      independent searches of importance sampling found violations in different regions, or a level
+      of subset simulation has too few distinct seeds of its chains."""
 
     value: float
     low: float

@@ -6,8 +6,12 @@ d = cos(t) n + sin(t) (cos(p) e_1 + sin(p) e_2)
 symbol  meaning                                                   unit
 z       independent standard normal numbers                       1
 n, a    axis of the cone, and half its angle; pi is the sphere    1, rad
+
+The share of the draws beyond a limit of a component is the common area of two spherical caps, by
+quadrature: the terms of its closed form cancel for narrow cones.
 """
 
+import math
 from typing import final
 
 import equinox as eqx
@@ -87,10 +91,51 @@ class ConeDirection(AbstractJoint):
         ratio = jnp.sqrt(0.5 * h * phi1(-s) * (2.0 - versine))
         return length * ((1.0 - versine) * n + ratio * (z[0] * e1 + z[1] * e2))
 
+    def outside(self, index: int, low: float, high: float) -> float:
+        v = np.asarray(self.vector, float)
+        length = float(np.linalg.norm(v))
+        across = float(np.linalg.norm(np.delete(v, index)))
+        angle = min(float(self.half_angle), math.pi)
+        return sum(
+            _share_of_cap(angle, math.atan2(across, sign * v[index]), sign * limit / length)
+            for sign, limit in ((-1.0, low), (1.0, high))
+        )
+
     def text(self) -> str:
         vector = np.asarray(self.vector).tolist()
         angle = float(self.half_angle)
         return f"direction within {angle:.6g} rad of {vector}"
+
+
+# Of the quadrature over the cone, which converges faster than any power of it.
+NODES = 60
+
+
+def _share_of_cap(a: float, g: float, limit: float) -> float:
+    """The share of the directions within the angle `a` of an axis whose component along another
+    direction, at the angle `g` from the axis, is above the `limit`.
+
+    Circles about the axis, at the angle t, are partly above it from |g - b| to g + b, with
+    cos(b) = limit, and in a part of their length that spherical trigonometry gives."""
+    if abs(limit) >= 1.0:
+        return float(limit < 0.0)
+    b = math.acos(limit)
+    around = 2.0 * math.pi - g - b
+    start, end = abs(g - b), min(a, g + b, around)
+    inside = math.sin(0.5 * min(start, a)) ** 2 if b > g else 0.0
+    if around < a:
+        inside += math.sin(0.5 * a) ** 2 - math.sin(0.5 * around) ** 2
+    if start < end:
+        x, weights = np.polynomial.legendre.leggauss(NODES)
+        # The root at both ends becomes smooth in the angle of a cosine.
+        p = 0.5 * math.pi * (x + 1.0)
+        t = start + (end - start) * np.sin(0.5 * p) ** 2
+        half = np.sin(0.5 * (b + g - t)) * np.sin(0.5 * (b + t - g))
+        other = np.sin(0.5 * (b + g + t)) * np.sin(0.5 * (t + g - b))
+        part = 2.0 / math.pi * np.arctan2(np.sqrt(abs(half)), np.sqrt(abs(other)))
+        per_node = 0.25 * math.pi * (end - start) * np.sin(p) * weights
+        inside += 0.5 * float((part * np.sin(t)) @ per_node)
+    return min(inside / math.sin(0.5 * a) ** 2, 1.0)
 
 
 def _across(n: Float[Array, "3"]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:

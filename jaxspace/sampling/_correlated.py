@@ -166,6 +166,17 @@ class Correlated(AbstractJoint):
         mixed = self.factor @ z
         return jnp.stack([d.from_normal(mixed[k]) for k, d in enumerate(self.marginals)])
 
+    def searched(self, z: Float[Array, " k"]) -> tuple[Float[Array, " n"], Float[Array, ""]]:
+        # Along one row of the factor after the other, each of length one: the numbers across it are
+        # independent of that along it, so that the ratio of the densities is that of the marginal.
+        likelihood = jnp.ones((), z.dtype)
+        for row, d in zip(self.factor, self.marginals, strict=True):
+            along = row @ z
+            moved, factor = d.spread(along)
+            z = z + (moved - along) * row
+            likelihood = likelihood * factor
+        return self.from_normal(z), likelihood
+
     @property
     def expectation(self) -> Float[Array, " n"]:
         return jnp.stack([d.expectation for d in self.marginals])

@@ -16,7 +16,7 @@ from typing import final
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import ndtr
+from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array, Float, Int
 
 from ..core import check, quantity
@@ -168,12 +168,33 @@ class Discrete(AbstractDistribution):
         return self.values[_place(self.weights, ndtr(z), ndtr(-z))]
 
     def searched(self, z: Float[Array, "..."]) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        # One of five draws takes every value that may occur alike.
-        shares = self.weights / jnp.sum(self.weights)
-        some = (shares > 0.0).astype(shares.dtype)
-        flat = 0.8 * shares + 0.2 * some / jnp.sum(some)
+        shares, flat = self._searched_shares()
         place = _place(flat, ndtr(z), ndtr(-z))
         return self.values[place], shares[place] / flat[place]
+
+    def spread(self, z: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        shares, flat = self._searched_shares()
+        place = _place(flat, ndtr(z), ndtr(-z))
+        factor = shares[place] / flat[place]
+
+        def moved(tail: Array, order: int) -> Array:
+            """The tail of the distribution beyond the number, counted from one end."""
+            before = [(jnp.cumsum(x[::order])[::order] - x)[place] for x in (flat, shares)]
+            inside = jnp.clip(tail - before[0], 0.0, flat[place])
+            # A tail of zero would be an infinite number.
+            return jnp.maximum(before[1] + factor * inside, jnp.finfo(tail.dtype).tiny)
+
+        below, above = moved(ndtr(z), 1), moved(ndtr(-z), -1)
+        # From the nearer end, at which the tail keeps its digits.
+        near = ndtri(jnp.minimum(below, above))
+        return jnp.where(below < above, near, -near), factor
+
+    def _searched_shares(self) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        """The probabilities of the values, and those in a search for rare events: one of five draws
+        takes every value that may occur alike."""
+        shares = self.weights / jnp.sum(self.weights)
+        some = (shares > 0.0).astype(shares.dtype)
+        return shares, 0.8 * shares + 0.2 * some / jnp.sum(some)
 
     def outside(self, low: float, high: float) -> float:
         values, weights = np.asarray(self.values), np.asarray(self.weights)

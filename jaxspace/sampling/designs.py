@@ -218,9 +218,9 @@ def search_normals(
     """Inputs, each (runs,), in which rare values of a list are frequent, from independent standard
     normal numbers; and the likelihood ratio of each run, (runs,)."""
     found = {name: jax.vmap(inputs[name].searched)(x) for name, x in _taken(inputs, z).items()}
-    # The numbers of a joint distribution have no values that are rare by themselves: their factors
-    # are one.
-    likelihood = jnp.prod(jnp.stack([factor for _, factor in found.values()]), axis=0)
+    # Once for the numbers of a joint distribution, which share a draw.
+    factors = [found[name][1] for name in normal_columns(inputs)]
+    likelihood = jnp.prod(jnp.stack(factors), axis=0)
     return {name: x for name, (x, _) in found.items()}, likelihood
 
 

@@ -85,6 +85,11 @@ class AbstractDistribution(AbstractParameters):
         value = self.from_normal(z)
         return value, jnp.ones_like(value)
 
+    def spread(self, z: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """The standard normal number that a search for rare events uses instead of `z`, and how
+        likely it is in comparison with that search; of a distribution with one number per draw."""
+        return z, jnp.ones_like(z)
+
     @abstractmethod
     def outside(self, low: float, high: float) -> float:
         """The share of all draws, from 0 to 1, that fall below `low` or above `high`."""

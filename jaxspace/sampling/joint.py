@@ -9,7 +9,6 @@ from typing import final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import InputError
@@ -44,6 +43,12 @@ class AbstractJoint(HashedModule):
     def from_normal(self, z: Float[Array, " k"]) -> Float[Array, " n"]:
         """One draw from standard normal numbers."""
 
+    def searched(self, z: Float[Array, " k"]) -> tuple[Float[Array, " n"], Float[Array, ""]]:
+        """The draw at `z` in a search for rare events, and how likely it is in comparison with that
+        search: one, except with marginals that have rare values."""
+        values = self.from_normal(z)
+        return values, jnp.ones((), values.dtype)
+
     @abstractmethod
     def text(self) -> str:
         """The distribution in words, for records."""
@@ -53,12 +58,9 @@ class AbstractJoint(HashedModule):
         """Mean of a draw; that of truncated marginals differs from `mean`."""
         return self.mean
 
+    @abstractmethod
     def outside(self, index: int, low: float, high: float) -> float:
-        """The share of all draws whose component `index` is below `low` or above `high`: from 4096
-        draws, unless a distribution computes it exactly."""
-        z = jax.random.normal(jax.random.key(0), (4096, self.dimensions))
-        x = np.asarray(jax.vmap(self.from_normal)(z))[:, index]
-        return float(np.mean((x < low) | (x > high)))
+        """The share of all draws whose component `index` is below `low` or above `high`."""
 
     def inputs(self, *names: str) -> dict[str, AbstractDistribution]:
         """The inputs of a campaign with these `names`, drawn together.
@@ -111,6 +113,10 @@ class Component(AbstractDistribution):
 
     def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
         return self.joint.from_normal(z)[self.index]
+
+    def searched(self, z: Float[Array, "..."]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        values, factor = self.joint.searched(z)
+        return values[self.index], factor
 
     def outside(self, low: float, high: float) -> float:
         return self.joint.outside(self.index, low, high)

@@ -12,10 +12,10 @@ from scipy.optimize import brentq
 from scipy.stats import beta, chi2, norm
 
 from jaxspace.core import AbstractClosedForm, AbstractSystem, InputError, Scalar
-from jaxspace.dispersion import Campaign, Discrete, Normal, Samples, Uniform
+from jaxspace.dispersion import Campaign, Correlated, Discrete, Normal, Samples, Uniform
 from jaxspace.dispersion._estimate import Estimate
 from jaxspace.dispersion._importance import importance
-from jaxspace.dispersion._subset import subset
+from jaxspace.dispersion._subset import CHAINED, _widening, subset
 from jaxspace.dispersion.rare import rare_event
 from jaxspace.simulation import Mission, Phase
 
@@ -112,6 +112,7 @@ PROBLEMS = {
     "ten points": cube(5, 1e-5),
     "twenty points": cube(10, 1e-5),
     "four branches": branches(),
+    "six numbers": ball(6, 1e-5),
     "measured": measured(9.5e-6),
     "steps": steps(1e-5),
 }
@@ -171,6 +172,51 @@ def test_an_interval_that_is_not_to_be_trusted_says_so():
         assert low <= truth <= high or not found.reliable
         assert found.reliable == ("The interval is not reliable" not in found.warning)
     assert not found.reliable
+
+
+def test_a_limit_that_curves_about_many_points_widens_the_interval():
+    """About a ball in six directions the draws miss the largest weights, and their variance
+    underestimates that of the value: the mean square of the errors is one standard error."""
+    margin, likelihood, slope, n, truth = PROBLEMS["six numbers"]
+    square = 0.0
+    for seed in range(SEEDS):
+        found = importance(margin, likelihood, slope, n, 10_000, np.random.default_rng(seed))[1]
+        assert found is not None
+        square += (np.log(found.value / truth) / found.variation) ** 2
+    assert square / SEEDS < 1.2
+
+
+@pytest.mark.parametrize("half_width", [1e-3, 1e-4])
+def test_chains_that_hardly_move_say_so(half_width):
+    """A narrow strip, which steps of the chains leave: many intervals of subset simulation miss the
+    probability, and few of them without being marked. Those of a wide strip are not marked."""
+    truth = norm.cdf(3.0 + half_width) - norm.cdf(3.0 - half_width)
+    missed = marked = unmarked = 0
+    for seed in range(SEEDS):
+        found = subset(
+            lambda z: np.abs(z[:, 0] - 3.0) - half_width, one, 2, 4000, np.random.default_rng(seed)
+        )
+        low, high = found.interval()
+        missed += not low <= truth <= high
+        marked += not found.reliable
+        unmarked += found.reliable and not low <= truth <= high
+        assert found.reliable == ("The interval is not reliable" not in found.warning)
+    assert missed >= 5 and unmarked <= 1 and marked >= missed - 1
+    wide = [
+        subset(lambda z: np.abs(z[:, 0] - 2.0) - 0.1, one, 2, 4000, np.random.default_rng(seed))
+        for seed in range(SEEDS)
+    ]
+    assert all(found.reliable for found in wide)
+
+
+def test_correlation_of_chains():
+    """Of equal chains 1 + 2 sum (1 - k/L) rho(k) with rho(k) = 1: the number of steps L; of
+    independent runs at least the usual widening."""
+    rng = np.random.default_rng(0)
+    once = rng.random(1000) < 0.3
+    assert _widening(np.tile(once, 10), 1000) == pytest.approx(10.0, rel=1e-9)
+    assert _widening(rng.random(10_000) < 0.3, 1000) == 1.0 + CHAINED
+    assert _widening(once, 0) == 1.0
 
 
 class Point(eqx.Module):
@@ -281,3 +327,28 @@ def test_samples_in_a_campaign():
     truth = norm.sf((4.0 - values) / 0.5).mean()
     found = rare_event(campaign, "sum", above=4.0, runs=4000)
     assert found.low <= truth <= found.high and found.variation < 0.15
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.7])
+def test_a_list_among_correlated_inputs(correlation):
+    """A value of one run in a million, beside a normal number with which it is correlated: it is
+    drawn where the number behind it is above z, so that P = integral of phi(m) Phi(...) from z."""
+    rare = Discrete(np.array([0.0, 7.0]), np.array([1.0 - 1e-6, 1e-6]))
+    matrix = np.array([[1.0, correlation], [correlation, 1.0]])
+    joint = Correlated.of((rare, Normal(0.0, 1.0)), matrix)
+    campaign = Campaign(build, joint.inputs("a", "b"), outputs)
+    left = np.sqrt(1.0 - correlation**2)
+
+    def above(limit):
+        return quad(
+            lambda m: norm.pdf(m) * norm.sf((limit - correlation * m) / left),
+            norm.isf(1e-6),
+            np.inf,
+            epsabs=0.0,
+        )[0]
+
+    # The normal number alone exceeds 8 with a probability of 6e-16 only.
+    truth = above(1.0)
+    found = [rare_event(campaign, "sum", above=8.0, runs=2000, seed=seed) for seed in range(5)]
+    assert sum(f.low <= truth <= f.high for f in found) >= 4
+    assert all(f.high < 2.0 * truth for f in found)

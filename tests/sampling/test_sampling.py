@@ -111,6 +111,47 @@ def test_a_cone_of_directions():
     assert np.abs(sphere.mean(axis=0)).max() < 5.0 / np.sqrt(3 * 2e5)
 
 
+def test_share_of_a_cone_beyond_a_limit():
+    """Components of a sphere are uniform (Archimedes), the component along the axis of a cone is
+    uniform from cos a to 1, and that across a narrow cone has the distribution of a disc."""
+    turned = ConeDirection([1.0, 2.0, -2.0], np.pi)
+    for k in range(3):
+        assert turned.outside(k, -2.7, 1.2) == pytest.approx(0.05 + 0.3, rel=1e-12)
+    axial = ConeDirection([0.0, 0.0, -2.0], 1.2)
+    height = 1.0 - np.cos(1.2)
+    # A limit that all but one in a million draws meet.
+    limit = -2.0 + 2e-6 * height
+    assert axial.outside(2, limit, np.inf) == pytest.approx(1e-6, rel=1e-9)
+    assert axial.outside(2, -np.inf, -1.0) == pytest.approx(1.0 - 0.5 / height, rel=1e-12)
+    for angle in (1e-3, 1e-6):
+        x = np.array([-0.9, 0.3, 0.999])
+        disc = (np.arccos(x) - x * np.sqrt(1.0 - x * x)) / np.pi
+        cone = ConeDirection([0.0, 0.0, 1.0], angle)
+        found = [cone.outside(0, -np.inf, float(np.sin(angle * r))) for r in x]
+        np.testing.assert_allclose(found, disc, rtol=0.0, atol=angle**2 + 1e-9)
+    # Both caps are wide: all directions outside of each are inside the other one.
+    wide = ConeDirection([1.0, 0.0, 0.0], 2.5)
+    lacking = 1.0 - np.cos(np.pi - 2.5)
+    expected = (1.9 - lacking) / (2.0 - lacking)
+    assert wide.outside(0, -np.inf, -0.7) == pytest.approx(
+        (1.7 - lacking) / (2.0 - lacking), rel=1e-12
+    )
+    assert wide.outside(1, -np.inf, -0.9) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_search_spreads_a_list_by_its_normal_number():
+    """The moved number has the value of the search, in the middle of the list and at both ends, and
+    is in one cell a straight map of the probabilities."""
+    rare = Discrete(np.array([3.0, 0.0, 7.0, 1.0]), np.array([1e-7, 0.5, 1e-5, 0.5]))
+    z = jnp.linspace(-8.0, 8.0, 4001)
+    moved, factor = jax.vmap(rare.spread)(z)
+    value, expected = jax.vmap(rare.searched)(z)
+    np.testing.assert_array_equal(jax.vmap(rare.from_normal)(moved), value)
+    np.testing.assert_allclose(factor, expected, rtol=1e-12)
+    slope = scipy.stats.norm.pdf(moved) * jax.vmap(jax.grad(lambda z: rare.spread(z)[0]))(z)
+    np.testing.assert_allclose(slope, factor * scipy.stats.norm.pdf(z), rtol=1e-5)
+
+
 def test_correlated_inputs(key):
     covariance = np.array([[4.0, -0.9], [-0.9, 0.25]])
     joint = MultivariateNormal([1.0, -1.0], covariance)
