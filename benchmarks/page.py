@@ -40,7 +40,8 @@ def _cell(value: object) -> str:
     return f"{value:.3g}"
 
 
-def _table(rows: dict) -> str:
+def table(rows: dict) -> str:
+    """The rows as a Markdown table, with a column for every quantity that a row has."""
     columns = list(dict.fromkeys(key for row in rows.values() for key in row))
     # Those of other instructions stand last.
     columns.sort(
@@ -194,6 +195,6 @@ def write(names: tuple[str, ...]) -> None:
         title = name.replace("_", " ").capitalize()
         what = " ".join(seen["what"].split())
         picture = DIAGRAMS.get(name, _diagram)(name, seen["rows"])
-        table = _table(_beside(seen["rows"], dict(others)))
-        parts.append(f"## {title}\n\n{what}\n\n{picture}{table}\n\n*{where}*\n")
+        rows = table(_beside(seen["rows"], dict(others)))
+        parts.append(f"## {title}\n\n{what}\n\n{picture}{rows}\n\n*{where}*\n")
     PAGE.write_text("\n".join(parts))
