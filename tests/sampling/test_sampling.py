@@ -132,10 +132,8 @@ def test_share_of_a_cone_beyond_a_limit():
     # Both caps are wide: all directions outside of each are inside the other one.
     wide = ConeDirection([1.0, 0.0, 0.0], 2.5)
     lacking = 1.0 - np.cos(np.pi - 2.5)
+    assert wide.outside(0, -np.inf, -0.7) == pytest.approx(1.7 / (2.0 - lacking), rel=1e-12)
     expected = (1.9 - lacking) / (2.0 - lacking)
-    assert wide.outside(0, -np.inf, -0.7) == pytest.approx(
-        (1.7 - lacking) / (2.0 - lacking), rel=1e-12
-    )
     assert wide.outside(1, -np.inf, -0.9) == pytest.approx(expected, rel=1e-12)
 
 
