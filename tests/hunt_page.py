@@ -68,7 +68,6 @@ NOTES: dict[str, str] = {
     ),
     "gyro_rates": "the outer rate is a small remainder of a momentum that is mostly spin",
     "kepler": "a distant flyby, whose derivatives with respect to velocity lose up to two digits",
-    "impulse": "a difference of elements: `first_order=True` is accurate for a small impulse",
     "burning_stage": "a mass far below the dry mass, which no run reaches: inertias cancel",
     "rolling_disk": "a flat disk, whose contact point is undefined",
     "between_turns": "two digits of the derivatives are lost where both turning points coincide",

@@ -41,7 +41,9 @@ def _run(jaxpr, consts, args):
 def _apply(equation, args):
     name, params = equation.primitive.name, equation.params
     if name in ELEMENTWISE:
-        return [_flushed(ELEMENTWISE[name](*args))]
+        # NumPy raises a power of a float32 to a whole number in float64.
+        found = ELEMENTWISE[name](*args)
+        return [_flushed(found.astype(equation.outvars[0].aval.dtype, copy=False))]
     if name in SPECIAL:
         return [_flushed(x) for x in SPECIAL[name](equation, *args)]
     root = getattr(params.get("_prim"), "solve_jaxpr", None)
@@ -60,7 +62,7 @@ def _apply(equation, args):
 
 
 def _divide(a, b):
-    if np.issubdtype(a.dtype, np.floating):
+    if np.issubdtype(a.dtype, np.inexact):
         return np.divide(a, b)
     return np.trunc(np.divide(a, b)).astype(a.dtype)
 

@@ -50,7 +50,8 @@ NOTES: dict[str, str] = {
     ),
     "between_turns": "the apsidal angle of nearly inverse-square forces hardly depends on the "
     "scale: its slopes are what is left of slopes of the potential 1/ratio of radii as large",
-    "anomalies": "there and back: slopes by e of 1/(1 - e) that cancel",
+    "symmetric": "moments C > 2 A, which no body has: the turn about h and its reverse cancel",
+    "compass_at_rest": "a ship whose rate over the earth is below 1e-38 rad/s",
     "density": "air of 1e-34 kg/m^3",
     "air": "air at the centre of the planet",
 }

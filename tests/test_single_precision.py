@@ -10,6 +10,7 @@ from typing import get_args
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
 import single_hunt
@@ -18,11 +19,16 @@ from systems import GYRO, SAMPLES
 
 from jaxspace import Scene
 from jaxspace.attitude import SpinningMissile, TorqueFreeBody, YoYo
+from jaxspace.attitude.principal_spins import cone_bounds
 from jaxspace.attitude.torque_free import space_cone_angle
-from jaxspace.bodies import BodyState, PrincipalInertia, RigidBody
+from jaxspace.bodies import BodyState, PadAtmosphere, PrincipalInertia, RigidBody
+from jaxspace.bodies.atmosphere import GAS_CONSTANT, GRAVITY, MOLAR_MASS
+from jaxspace.bodies.standard_atmosphere import geopotential_height
 from jaxspace.core import InputError, Scalar, State
 from jaxspace.gyros import TwoGimbalGyro
 from jaxspace.gyros.bearing import BearingFriction, RotorMotor
+from jaxspace.gyros.navigation_errors import coupled_rates
+from jaxspace.mechanics.variational import hanging_chain
 from jaxspace.orbits.kepler import kepler_flow
 from jaxspace.orbits.lambert import lambert
 from jaxspace.orbits.planets import synodic_period
@@ -313,3 +319,60 @@ def test_orbits_of_the_sun_and_of_small_lengths_in_metres(name, length, mu):
     found = single_hunt.judge(subject, single_hunt.single_numbers(x), key)
     assert found.value < single_hunt.DEFECT, found.inputs
     assert found.slope < single_hunt.DEFECT, found.slope_inputs
+
+
+@pytest.mark.parametrize("temperature", [216.44, 216.65, 250.0, 288.0])
+def test_slope_of_the_air_above_a_pad_by_its_temperature(temperature):
+    """Next to 216.65 K, the temperature of the tropopause, the layer is nearly isothermal."""
+    level = float(geopotential_height(jnp.asarray(4e3)))
+    temperature = float(np.float32(temperature))
+
+    def pressure(T):
+        rate = (mpmath.mpf("216.65") - T) / 11000
+        per_height = mpmath.mpf(GRAVITY) * MOLAR_MASS / GAS_CONSTANT
+        if rate == 0:
+            return 101325 * mpmath.exp(-per_height * level / T)
+        return 101325 * (1 + rate * level / T) ** (-per_height / rate)
+
+    with mpmath.workdps(40):
+        expected = mpmath.diff(pressure, mpmath.mpf(temperature), h=mpmath.mpf("1e-12"))
+    height, given = jnp.asarray(4e3, jnp.float32), jnp.asarray(temperature, jnp.float32)
+    for mode in (jax.jacfwd, jax.jacrev):
+        slope = mode(lambda T: PadAtmosphere(0.0, T, 101325.0).air_at(height).pressure)(given)
+        np.testing.assert_allclose(slope, float(expected), rtol=1e-5)
+
+
+def test_growth_of_navigation_errors_of_a_slow_vehicle():
+    """d(growth)/dw = -(5/3) w / (sqrt(2) w0) for w << w0."""
+    w0, w = jnp.asarray(1.2e-3, jnp.float32), jnp.asarray(1e-8, jnp.float32)
+    expected = -5.0 / 3.0 * 1e-8 / (math.sqrt(2.0) * 1.2e-3)
+    for mode in (jax.jacfwd, jax.jacrev):
+        slope = mode(lambda w: coupled_rates(w0, w)[1])(w)
+        np.testing.assert_allclose(slope, expected, rtol=1e-5)
+
+
+def test_cone_bounds_of_a_slight_tilt():
+    """The swing of the middle axis is h_b / h = sqrt(B C (A - C) / (A - B)) w_c / (A w_a)."""
+    A, B, C, rate = 2.0, 1.25, 1.0, 0.9
+    moments = jnp.asarray([A, B, C], jnp.float32)
+    expected = math.sqrt(B * C * (A - C) / (A - B)) / (A * rate)
+    omega = jnp.asarray([rate, 0.0, 1e-9], jnp.float32)
+    for mode in (jax.jacfwd, jax.jacrev):
+        least, greatest = mode(lambda omega: cone_bounds(moments, omega))(omega)
+        np.testing.assert_allclose(least[1, 2], -expected, rtol=1e-5)
+        np.testing.assert_allclose(greatest[1, 2], expected, rtol=1e-5)
+
+
+def test_sag_of_a_long_chain_hardly_depends_on_the_span():
+    """sag = l/2 tanh(u/2), where sinh(u)/u = l/d."""
+    span, length = 0.08, 9.75
+    with mpmath.workdps(30):
+
+        def sag(d):
+            u = mpmath.findroot(lambda u: mpmath.sinh(u) / u - mpmath.mpf(length) / d, 6.7)
+            return 0.5 * length * mpmath.tanh(0.5 * u)
+
+        expected = float(mpmath.diff(sag, mpmath.mpf(span)))
+    given = jnp.asarray(span, jnp.float32), jnp.asarray(length, jnp.float32)
+    for mode in (jax.jacfwd, jax.jacrev):
+        np.testing.assert_allclose(mode(hanging_chain)(*given)[1], expected, rtol=2e-5)

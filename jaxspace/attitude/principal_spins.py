@@ -103,7 +103,9 @@ def cone_bounds(moments: Vector, omega: Vector) -> tuple[Vector, Vector]:
     # its greatest value at the vertices.
     h = [moments * vertex for vertex in Polhode.of(moments, omega).vertices]
     near, far = (_angles(v) for v in h)
-    least, greatest = jnp.minimum(near, far), jnp.maximum(near, far)
+    # By the components, because angles next to a right one may be equal after rounding.
+    nearer = h[0] >= h[1]
+    least, greatest = jnp.where(nearer, near, far), jnp.where(nearer, far, near)
     # An axis that passes through the plane across h has a vertex there, with a component of zero.
     swings = (h[0] == 0.0) | (h[1] == 0.0)
     behind = ~swings & (omega < 0.0)

@@ -34,8 +34,10 @@ LAPSE = -6.5e-3
 # Pa, of the standard at the sea and at the tropopause.
 SEA = 101325.0
 THERE = SEA * (COLDEST / 288.15) ** (GRAVITY * MOLAR_MASS / (GAS_CONSTANT * -LAPSE))
-# Below it the series of f is as exact as its quotient.
-SMALL = 1e-4
+# Below it the series of f is used, because the derivative of its quotient loses 1/x of a rounding.
+SMALL = 0.3
+# (0.3 / 1.7)^24 / 25 is below rounding, also for the first derivatives.
+TERMS = 12
 
 
 @final
@@ -94,7 +96,11 @@ class PadAtmosphere(AbstractAtmosphere):
 def _mean_inverse(x: Scalar) -> Scalar:
     """ln(1 + x)/x."""
     small = jnp.abs(x) < SMALL
-    # The divisor is one where the quotient is not taken, which has no derivative at zero.
-    large = jnp.where(small, 1.0, x)
-    series = 1.0 + x * (-0.5 + x * (1.0 / 3.0 + x * (-0.25 + 0.2 * x)))
-    return jnp.where(small, series, jnp.log1p(large) / large)
+    # Each branch gets a harmless argument where the other is selected.
+    s, large = jnp.where(small, x, 0.0), jnp.where(small, 1.0, x)
+    # ln(1 + s) = 2 artanh(z)
+    square = (s / (2.0 + s)) ** 2
+    series = 0.0
+    for n in range(2 * TERMS - 1, 0, -2):
+        series = 1.0 / n + square * series
+    return jnp.where(small, 2.0 / (2.0 + s) * series, jnp.log1p(large) / large)

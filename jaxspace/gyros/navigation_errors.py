@@ -33,6 +33,7 @@ from jaxtyping import Array, Float
 from ..core import AbstractSystem, NumberField, Scalar, quantity
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
+from ..core.squares import difference_of_squares
 from ..core.types import follow_precision
 from ._linear import LinearFlow, linear_rate
 from .gyropendulum import schuler_frequency
@@ -155,7 +156,7 @@ def coupled_rates(schuler: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
     root = w0 * jnp.sqrt(9.0 * w0 * w0 - 8.0 * w * w)
     oscillation = 0.5 * (root - w0 * w0 + 2.0 * w * w)
     # By the product of both, because near the speed of an orbit their difference loses its digits.
-    growth = (w * w + 2.0 * w0 * w0) * ((w0 - w) * (w0 + w)) / oscillation
+    growth = (w * w + 2.0 * w0 * w0) * difference_of_squares(w0, w) / oscillation
     return jnp.sqrt(oscillation), jnp.sqrt(growth)
 
 

@@ -86,8 +86,11 @@ def hanging_chain(span: Scalar, length: Scalar) -> tuple[Scalar, Scalar]:
     root = jax.lax.fori_loop(0, STEPS, lambda _, u: newton(u, fixed), guess)
     # A step more carries the first derivatives, two the second ones.
     u = newton(newton(jax.lax.stop_gradient(root), ratio), ratio)
-    a = 0.5 * span / u
-    return a, 2.0 * a * jnp.sinh(0.5 * u) ** 2
+    # The sag of a long chain hardly depends on the span: the derivatives of 2 a sinh(u / 2)^2, and
+    # 1 - tanh(u / 2)^2, would cancel.
+    fall = jnp.exp(-u)
+    share = jnp.where(u > 1.0, (1.0 - fall) / (1.0 + fall), jnp.tanh(0.5 * u))
+    return 0.5 * span / u, 0.5 * length * share
 
 
 @formula(distance=POSITIVE, drop=POSITIVE, gravity=POSITIVE)

@@ -157,12 +157,13 @@ def solid_sphere(x):
 
 
 def anomalies(x):
-    """Radius, eccentric and mean anomaly from p, e and the true anomaly, and back."""
-    p, e, nu = x
+    """Radius, eccentric anomaly and mean anomaly from p, e and the true anomaly; the true anomaly
+    from another eccentric one, because there and back slopes by e of 1/(1 - e) cancel."""
+    p, e, nu, other = x
     eccentric = o.conic.eccentric_anomaly(nu, e)
-    back = o.conic.true_anomaly(eccentric, e)
     mean = o.conic.mean_anomaly(eccentric, e)
-    return tuple(f[None] for f in (o.conic.conic_radius(p, e, nu), eccentric, mean, back))
+    found = o.conic.conic_radius(p, e, nu), eccentric, mean, o.conic.true_anomaly(other, e)
+    return tuple(f[None] for f in found)
 
 
 def turned(x):
@@ -432,12 +433,12 @@ FORMS = (
         anomalies,
         _names("conic_radius", "eccentric_anomaly", "mean_anomaly", "true_anomaly"),
         [
-            (1.0, 0.3, 0.5),
-            (1.0, 0.0, 3.0),
-            (1.0, 0.9999, 3.0),
-            (1.0, 1.5, 2.0),
-            (1.0, 0.5, 1e-9),
-            (1.0, 2.0, 1e-9),
+            (1.0, 0.3, 0.5, 0.4),
+            (1.0, 0.0, 3.0, 3.0),
+            (1.0, 0.9999, 3.0, 0.1),
+            (1.0, 1.5, 2.0, 1.2),
+            (1.0, 0.5, 1e-9, 0.6e-9),
+            (1.0, 2.0, 1e-9, 0.6e-9),
         ],
     ),
     Form(turned, _names("turning_angle"), [(1.5,), (1.0000001,), (1e6,)]),
