@@ -64,8 +64,9 @@ WRONG = {
 }
 # Options that a command cannot do without.
 NEEDED = {"replay": ["--run", "0"]}
-# Commands without a file; and `new`, whose file is one that it writes.
-WITHOUT = {"examples", "new", "list", "schema", "verify"}
+# Commands without a file; `new`, whose file is one that it writes; and `diff`, which has two
+# (`test_cli_diff.py`).
+WITHOUT = {"examples", "new", "list", "schema", "verify", "diff"}
 
 
 def commands():

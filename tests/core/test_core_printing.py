@@ -45,6 +45,7 @@ NO_RESULTS = {
 OWN = {
     "AccuracyCost",
     "CampaignComparison",
+    "Setting",
     "Dispersion",
     "EffectBudget",
     "Fit",
