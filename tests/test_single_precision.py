@@ -26,6 +26,7 @@ from jaxspace.bodies.atmosphere import GAS_CONSTANT, GRAVITY, MOLAR_MASS
 from jaxspace.bodies.standard_atmosphere import geopotential_height
 from jaxspace.core import InputError, Scalar, State
 from jaxspace.gyros import TwoGimbalGyro
+from jaxspace.gyros._earth import Earth
 from jaxspace.gyros.bearing import BearingFriction, RotorMotor
 from jaxspace.gyros.navigation_errors import coupled_rates
 from jaxspace.mechanics.variational import hanging_chain
@@ -376,3 +377,13 @@ def test_sag_of_a_long_chain_hardly_depends_on_the_span():
     given = jnp.asarray(span, jnp.float32), jnp.asarray(length, jnp.float32)
     for mode in (jax.jacfwd, jax.jacrev):
         np.testing.assert_allclose(mode(hanging_chain)(*given)[1], expected, rtol=2e-5)
+
+
+def test_gravity_gradient_of_a_navigator():
+    """dg/dh = 2 mu / r^3 upwards over a sphere that does not rotate: the square of r^3, 7e40 m^6,
+    is infinite."""
+    earth = Earth(radius=6.4e6, flattening=0.0, mu=3.986e14, j2=0.0, rate=0.0)
+    height, latitude = jnp.asarray(1e4, jnp.float32), jnp.asarray(0.8, jnp.float32)
+    for mode in (jax.jacfwd, jax.jacrev):
+        slope = mode(lambda h: earth.gravity(latitude, h)[2])(height)
+        np.testing.assert_allclose(slope, 2.0 * 3.986e14 / 6.41e6**3, rtol=1e-5)

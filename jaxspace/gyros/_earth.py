@@ -23,6 +23,7 @@ import jax.numpy as jnp
 
 from ..core import Scalar, Vector
 from ..core.square_roots import inverse_sqrt
+from ..core.squares import quotient
 
 
 class Earth(NamedTuple):
@@ -53,7 +54,8 @@ class Earth(NamedTuple):
         s, c = jnp.sin(latitude), jnp.cos(latitude)
         p, z = self.from_axis(latitude, height)
         r2 = p * p + z * z
-        fall, oblate = self.mu / (r2 * jnp.sqrt(r2)), 1.5 * self.j2 * self.radius**2 / r2
+        fall = quotient(self.mu, r2 * jnp.sqrt(r2))
+        oblate = 1.5 * self.j2 * self.radius**2 / r2
         polar = 5.0 * z * z / r2
         outwards = -fall * p * (1.0 + oblate * (1.0 - polar)) + self.rate**2 * p
         along = -fall * z * (1.0 + oblate * (3.0 - polar))
