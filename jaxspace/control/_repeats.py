@@ -55,7 +55,7 @@ def config_of(
     rtol = jnp.asarray(rtol, dtype)
     # As in a run of a system (`Accuracy`).
     atol = 1e-3 * rtol if accuracy.atol is None else jnp.asarray(accuracy.atol, dtype)
-    return IntegrationConfig(rtol, atol, method, None, accuracy.max_steps, None)
+    return IntegrationConfig(rtol, atol, method, accuracy.max_steps, None)
 
 
 def steps_of(config: IntegrationConfig) -> int:

@@ -243,7 +243,7 @@ wrong_square.defjvp(lambda p, t: (wrong_square(*p), 3.0 * p[0] @ t[0]))
 
 
 def test_a_wrong_gradient_is_refused():
-    with pytest.raises(InputError, match="slope of the objective by 0.3 of it"):
+    with pytest.raises(InputError, match="differences of the objective by a relative 0.3"):
         minimise(
             lambda x: Criterion(wrong_square(x)),
             jnp.array([1.0, -2.0]),
