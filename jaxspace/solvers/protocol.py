@@ -212,7 +212,7 @@ def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:
     return SolverTraits(evaluations=_evaluations(solver))
 
 
-def carries_steps(solver: diffrax.AbstractSolver, field: Callable[..., State], y0: State) -> bool:
+def carries_steps(solver: diffrax.AbstractSolver, field: Callable[..., State], y0: PyTree) -> bool:
     """Whether a step of the solver depends on the steps before it, and not on the state alone.
 
     **Arguments**
