@@ -67,7 +67,8 @@ def together(
                 f"{n} coordinates {', '.join(system.names)}."
             )
     # The gradient of a sum over runs requires separate rates for each run.
-    runs = jax.eval_shape(system.lagrangian, t, q, v).shape
+    # Not the bound method: older releases of JAX compare functions, and so traced parameters.
+    runs = jax.eval_shape(lambda t, q, v: system.lagrangian(t, q, v), t, q, v).shape
     runs = jnp.broadcast_shapes(runs, q.shape[1:], v.shape[1:])
     q, v = with_rank(q, len(runs)), with_rank(v, len(runs))
     return jnp.broadcast_to(q, (n, *runs)), jnp.broadcast_to(v, (n, *runs))
