@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ..plots import designs_figure, designs_page
 from ..statistics import Dispersion
-from ..statistics.comparison import CampaignComparison, compare
+from ..statistics.comparison import CampaignComparison, Difference, compare
 from ..stores import open_store
 from ._output import make_folder
 from ._report import attempt
@@ -32,8 +32,13 @@ def diff(first: str, second: str, folder: str) -> int:
 
 
 def _figure(both: dict[str, Dispersion], found: CampaignComparison, path: str) -> None:
-    """The output that changed most, in multiples of the half-width of its interval."""
-    most = max(found.differences, key=lambda x: abs(x.difference) / max(x.high - x.low, 1e-300))
+    """The output that changed most, as a multiple of the width of its interval."""
+
+    def change(x: Difference) -> float:
+        # Without a finite interval there is nothing to compare the difference with.
+        return abs(x.difference) / (x.high - x.low) if x.high > x.low else 0.0
+
+    most = max(found.differences, key=change)
     designs_figure(both, most.output, title=_title(both)).savefig(path, dpi=150)
 
 
@@ -45,7 +50,9 @@ def _page(both: dict[str, Dispersion], found: CampaignComparison, path: str) -> 
     ]
     sentences += [
         f"Requirement on {x.name}: violated in {100.0 * x.share_before:.3g} % → "
-        f"{100.0 * x.share_after:.3g} % of the runs; {x.word_before} → {x.word_after}"
+        f"{100.0 * x.share_after:.3g} % of the runs"
+        # Only a requirement with an allowed share has a verdict.
+        + (f"; {x.word_before or 'none'} → {x.word_after or 'none'}" if any(x[1:3]) else "")
         for x in found.verdicts
     ]
     sentences += found.lines

@@ -48,7 +48,7 @@ def designs_page(
 <title>{escape(title)}</title><style>
 {style}{STYLE}</style></head><body>
 <h1>{escape(title)}</h1><p class="note">{escape(note)}</p>
-<section><h2>Designs</h2><div class="wide">{_table(rows)}</div></section>
+<section><h2>Results</h2><div class="wide">{_table(rows)}</div></section>
 <section><h2>Findings</h2><ul>
 {said}</ul></section>
 {"".join(drawn)}</body></html>

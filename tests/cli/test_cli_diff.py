@@ -1,10 +1,11 @@
 """`jaxspace diff`: the table, the figure and the page of two stored campaigns."""
 
+import numpy as np
 import pytest
 from test_dispersion import drifts, last
 
 from jaxspace.cli import main
-from jaxspace.dispersion import Campaign, Normal, disperse
+from jaxspace.dispersion import Campaign, Normal, disperse, open_store
 
 
 @pytest.fixture(scope="module")
@@ -13,7 +14,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stores")
     for name, deviation in (("wide", 0.5), ("narrow", 0.1)):
         inputs = {"x0": Normal(1.0, 2.0), "v0": Normal(1.0, deviation)}
-        campaign = Campaign(drifts, inputs, last, {"x": "m"})
+        campaign = Campaign(drifts, inputs, last, {"x": "m"}, requirements={"x": (None, 3.0)})
         disperse(campaign, 64, seed=3, store=folder / f"{name}.zarr")
     return folder
 
@@ -26,6 +27,9 @@ def test_diff_prints_and_draws_both(folder, tmp_path, capsys):
     assert "+ " in printed and "0.1" in printed
     page = (tmp_path / "wide_narrow.html").read_text(encoding="utf-8")
     assert "narrow compared with wide" in page and "<svg" in page
+    # A requirement without an allowed share has no verdict.
+    share = 1.0 - np.mean(open_store(stores[1]).outputs["x"] <= 3.0)
+    assert f"→ {100.0 * share:.3g} % of the runs</li>" in page
     assert (tmp_path / "wide_narrow.png").stat().st_size > 1000
 
 
