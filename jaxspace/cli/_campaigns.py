@@ -18,6 +18,8 @@ from ..io import SceneFile, load, stored_scene
 from ..io.reports.campaign import comparison_table, failures_report, moments_report, replay_report
 from ..io.reports.campaign_tables import dispersion_report
 from ..io.units import read_option
+from ..sampling import LatinHypercube, Sobol
+from ..sampling.designs import AbstractDesign
 from ..statistics import Dispersion, StopRule
 from ..stores import DamagedStore, StoreError, open_store
 from ._commands import draw, path_of, print_next, show_page
@@ -181,6 +183,9 @@ def _run_and_report(
     written = keep_pictures(result, file.title, outputs, os.path.splitext(store)[0], site=file.site)
     print(_times(result, time.perf_counter() - began))
     print(f"store  {store}")
+    runs_that_decide = _runs_that_decide(result, how.get("until"), campaign.design)
+    if runs_that_decide is not None:
+        print_next(file, "resume", store, "--runs", runs_that_decide)
     # The cause of a failure comes first.
     print_next(file, "report" if result.good.all() else "failures", store)
     # A picture that cannot be drawn costs no number; a disk on which nothing more fits is told.
@@ -188,6 +193,19 @@ def _run_and_report(
         return 2
     # Single failed runs are part of the result; a campaign of which all failed is none.
     return 0 if result.good.any() else 1
+
+
+def _runs_that_decide(
+    result: Dispersion, until: object, design: AbstractDesign | None
+) -> int | None:
+    """The number of runs to which the campaign is extended for its undecided verdicts; `None` if no
+    verdict requires it, or the campaign cannot be extended."""
+    needed = [verdict.runs_needed for verdict in result.verdicts.values()]
+    most = max((runs for runs in needed if runs is not None), default=None)
+    if most is None or until is not None or isinstance(design, LatinHypercube):
+        return None
+    # Sobol points are evenly distributed for powers of two only.
+    return 1 << (most - 1).bit_length() if isinstance(design, Sobol) else most
 
 
 def _head_of(store: str) -> tuple[int, int] | None:

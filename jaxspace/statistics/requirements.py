@@ -7,6 +7,7 @@ if above, it is violated; if it contains the allowed share, more runs are requir
 
 __all__ = ["Requirement", "Verdict"]
 
+import math
 from collections.abc import Sequence
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -14,11 +15,13 @@ import numpy as np
 
 from ..core import InputError
 from ..core.printing import printed
-from .limits import Probability, check_share
+from .limits import Probability, check_share, clopper_pearson
 
 Word: TypeAlias = Literal["pass", "fail", "not yet known"]
 # The requested run of an output.
 WHICH = ("worst", "least", "greatest")
+# Beyond this number of runs a verdict is not expected from more of them.
+MOST_RUNS = 10**9
 
 
 @printed()
@@ -59,11 +62,15 @@ class Verdict(NamedTuple):
 
     - `word`: "pass", "fail" or "not yet known".
     - `violation`: the probability of a violation, with its interval.
-    - `allowed`: the share that may violate it."""
+    - `allowed`: the share that may violate it.
+    - `runs_needed`: the number of runs that decides if the share of violations stays as it is,
+      rounded up to two digits; `None` for a verdict that is known, and where no number of runs up
+      to 1e9 decides, because the share of violations equals the allowed one."""
 
     word: Word
     violation: Probability
     allowed: float
+    runs_needed: int | None = None
 
 
 def requirement_of(limits: Sequence[float | None]) -> Requirement:
@@ -78,7 +85,33 @@ def verdict_of(violation: Probability, allowed: float) -> Verdict:
         word = "pass"
     elif violation.low > allowed:
         word = "fail"
-    return Verdict(word, violation, allowed)
+    needed = _runs_needed(violation, allowed) if word == "not yet known" else None
+    return Verdict(word, violation, allowed, needed)
+
+
+def _runs_needed(violation: Probability, allowed: float) -> int | None:
+    """The number of runs from which the interval excludes the allowed share of violations, at the
+    present share."""
+
+    def decides(runs: int) -> bool:
+        # Rounded towards the allowed share, so that the number is rather too large than too small.
+        side = math.ceil if violation.value < allowed else math.floor
+        count = side(runs * violation.count / violation.runs)
+        expected = clopper_pearson(count, runs, violation.confidence)
+        return expected.high <= allowed or expected.low > allowed
+
+    runs = violation.runs
+    while not decides(runs):
+        runs *= 2
+        if runs > MOST_RUNS:
+            return None
+    # By whole counts `decides` is only nearly monotonic, which the rounding covers.
+    few = runs // 2
+    while runs - few > 1:
+        middle = (few + runs) // 2
+        few, runs = (few, middle) if decides(middle) else (middle, runs)
+    unit = 10 ** max(len(str(runs)) - 2, 0)
+    return -(-runs // unit) * unit
 
 
 def extreme_place(

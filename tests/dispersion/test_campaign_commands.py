@@ -301,6 +301,40 @@ def test_a_requirement_with_an_allowed_share_has_a_verdict():
     assert "verdict" not in dispersion_report(judged(0, 9), {})
 
 
+@pytest.mark.parametrize("count, runs, allowed", [(0, 100, 0.01), (6, 1000, 0.01), (13, 999, 0.01)])
+def test_an_open_verdict_names_the_number_of_runs_that_decides(count, runs, allowed):
+    """By SciPy's interval at the present share of violations: it excludes the allowed share at the
+    number that the verdict names, and does not at nine tenths of it."""
+    verdict = judged(count, runs, allowed=allowed).verdicts["x"]
+    assert verdict.word == "not yet known"
+
+    def decides(n):
+        side = np.ceil if count / runs < allowed else np.floor
+        low, high = binomtest(int(side(n * count / runs)), n).proportion_ci(0.95, "exact")
+        return high <= allowed or low > allowed
+
+    assert decides(verdict.runs_needed) and not decides(int(0.9 * verdict.runs_needed))
+    report = dispersion_report(judged(count, runs, allowed=allowed), {})
+    assert f"x: about {verdict.runs_needed} runs decide" in report
+
+
+def test_no_number_of_runs_is_named_where_none_decides():
+    assert judged(0, 368, allowed=0.01).verdicts["x"].runs_needed is None
+    assert judged(10, 1000, allowed=0.01).verdicts["x"].runs_needed is None
+    assert "more runs do not decide" in dispersion_report(judged(10, 1000, allowed=0.01), {})
+
+
+def test_disperse_prints_the_command_that_decides_an_open_verdict(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    required = '{ output = "apoapsis_altitude", at_most = "2200 km", allowed = "40 %" }'
+    text = COAST.replace('"apoapsis_altitude"]', required + "]").replace("1200", "24")
+    (tmp_path / "coast.toml").write_text(text)
+    assert main(["disperse", "coast.toml"]) == 0
+    (command,) = re.findall(r"next   jaxspace (resume .*)", capsys.readouterr().out)
+    assert main(command.split()) == 0
+    assert open_store("out/coast.zarr").runs == int(command.split()[-1]) > 24
+
+
 def test_a_file_gives_the_share_and_the_confidence_of_a_requirement(tmp_path):
     path = tmp_path / "coast.toml"
     given = '{{ output = "apoapsis_altitude"{} }}'

@@ -9,6 +9,7 @@ from ...core import InputError
 from ...core.text import aligned
 from ...statistics import Dispersion
 from ...statistics.contributors import Contributors
+from ...statistics.requirements import Verdict
 from .rows import Row
 
 
@@ -82,7 +83,24 @@ def requirement_table(result: Dispersion) -> str:
         if name in verdicts:
             cells = (*cells, _percent(verdicts[name].allowed), verdicts[name].word)
         rows.append((*cells, *[""] * (len(rows[0]) - len(cells))))
-    return aligned(rows) if len(rows) > 1 else ""
+    if len(rows) == 1:
+        return ""
+    return "\n".join([aligned(rows), *_runs_that_decide(verdicts)])
+
+
+def _runs_that_decide(verdicts: Mapping[str, Verdict]) -> list[str]:
+    """A line for each verdict that is not yet known: how many runs would decide it."""
+    lines = []
+    for name, verdict in verdicts.items():
+        if verdict.word == "not yet known":
+            share, allowed = _percent(round(verdict.violation.value, 6)), _percent(verdict.allowed)
+            lines.append(
+                f"{name}: about {verdict.runs_needed} runs decide if {share} of them violate it."
+                if verdict.runs_needed is not None
+                else f"{name}: more runs do not decide, because {share} of them violate it and "
+                f"{allowed} are allowed."
+            )
+    return lines
 
 
 def _percent(share: float) -> str:
