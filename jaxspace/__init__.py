@@ -133,7 +133,10 @@ if not TYPE_CHECKING:
             # The import sets the attribute too: the next use does not come here.
             return import_module(f"{__name__}.{name}")
         if name not in _MODULE_OF:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+            if name.startswith("_"):
+                raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+            unknown_name = import_module(f"{__name__}.core.modules").unknown_name
+            raise unknown_name(__name__, name)
         value = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
         globals()[name] = value
         return value

@@ -43,3 +43,15 @@ PLANETS = {
     "uranus": Planet(19.18916464 * ASTRONOMICAL_UNIT, 5.7945564e15, 2.5559e7),
     "neptune": Planet(30.06992276 * ASTRONOMICAL_UNIT, 6.83652710058e15, 2.4764e7),
 }
+
+
+if not _typing.TYPE_CHECKING:
+
+    def __getattr__(name):
+        """Raise the error of an unknown name, with the nearest one."""
+        from difflib import get_close_matches
+
+        public = [each for each in globals() if not each.startswith("_")]
+        near = get_close_matches(name.upper(), public, n=1) if not name.startswith("_") else ()
+        hint = f". Did you mean {near[0]}?" if near else ""
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}")

@@ -5,13 +5,14 @@ Only values that are known are checked: a traced value passes, so that every che
 
 __all__ = ["check_finite", "check_non_negative", "check_positive", "is_concrete"]
 
-import difflib
 from collections.abc import Iterable
 
 import jax
 import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
+
+from .suggestions import nearest
 
 # Kinds of types of numbers: whole ones, with and without sign, real and complex.
 NUMBERS = frozenset("iufc")
@@ -24,9 +25,7 @@ class InputError(ValueError):
     def hint(name: object, names: Iterable[str]) -> str:
         """The question for the nearest of the `names` that are allowed, or nothing when none is
         near."""
-        # Half of the letters in common: `sprung` suggests `spring`, and an unrelated word nothing.
-        near = difflib.get_close_matches(str(name), list(names), n=1, cutoff=0.5)
-        return f" Did you mean {near[0]}?" if near else ""
+        return nearest(name, names)
 
 
 def is_concrete(x: object) -> bool:

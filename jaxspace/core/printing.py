@@ -17,6 +17,7 @@ from jax.core import Tracer
 from jaxtyping import PyTree
 
 from .field_types import QUANTITY
+from .suggestions import suggests
 from .text import aligned
 
 Class = TypeVar("Class", bound=type)
@@ -40,7 +41,8 @@ class Row(NamedTuple):
 
 
 def printed(**units: Unit) -> Callable[[Class], Class]:
-    """Let the instances of a class print their fields with numbers and units.
+    """Let the instances of a class print their fields with numbers and units, and suggest the
+    nearest name for an unknown attribute.
 
     **Arguments**
 
@@ -52,7 +54,7 @@ def printed(**units: Unit) -> Callable[[Class], Class]:
     def decorate(cls: Class) -> Class:
         setattr(cls, UNITS, units)
         cls.__repr__ = lambda self: printed_form(self)  # type: ignore[assignment]
-        return cls
+        return suggests(cls)
 
     return decorate
 

@@ -15,6 +15,8 @@ from jax.extend.core import Literal as Constant
 from jax.typing import DTypeLike
 from jaxtyping import PyTree
 
+from .suggestions import suggests
+
 T = TypeVar("T")
 Leaf = TypeVar("Leaf")
 
@@ -93,6 +95,7 @@ def _make_of(tree: PyTree) -> _Make:
     return make
 
 
+@suggests
 class HashedModule(eqx.Module):
     """A module with a hash, although arrays have none: that of its structure and their shapes.
 

@@ -9,11 +9,13 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..core import InputError, Scalar
+from ..core.suggestions import suggests
 from ..integration.accuracy import DEFAULT, DEFAULT_RTOL, Accuracy, as_accuracy
 
 BY_PURPOSE = "by purpose"
 
 
+@suggests
 @final
 class ByPurpose(eqx.Module):
     """The loosest tolerance sufficient for a campaign: `disperse(..., accuracy="by purpose")`.

@@ -11,6 +11,7 @@ from jaxtyping import PyTree
 
 from ..core import InputError
 from ..core.processors import cores
+from ..core.suggestions import suggests
 from ..stores.results import RunResults
 
 RETRIES = 3
@@ -74,6 +75,7 @@ def workers_or_cores(engine: str, workers: int | None) -> int:
     return count
 
 
+@suggests
 class AbstractEngine(ABC):
     """Computes chunks, in any order."""
 

@@ -13,6 +13,7 @@ from jax.tree_util import tree_leaves_with_path
 from ..core.listed import Listed
 from ..core.printing import printed
 from ..core.structure import HashedModule
+from ..core.suggestions import suggests
 from ..core.text import aligned
 from ..statistics import Dispersion
 from ..statistics.limits import Probability
@@ -40,6 +41,7 @@ class Estimate(NamedTuple):
         return f"{self.value:.{place}f} ± {self.error:.{place}f}"
 
 
+@suggests
 class AssessedLimit(NamedTuple):
     """A limit assessed on independent runs.
 
@@ -63,6 +65,7 @@ class AssessedLimit(NamedTuple):
         return (over if self.constraint.upper else -over) > 2.0 * self.value.error
 
 
+@suggests
 class AssessedDesign(NamedTuple):
     """A design assessed on independent runs.
 

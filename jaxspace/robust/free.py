@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from ..core import InputError, Scalar, State
+from ..core.suggestions import suggests
 from ..dispersion import Campaign
 from ..dispersion.evaluate import fixed_normals, inputs_at
 from ..simulation import Mission
@@ -21,6 +22,7 @@ from ..simulation import Mission
 ROOTS = ("mission", "state")
 
 
+@suggests
 class Free(NamedTuple):
     """Bounds of a design variable, a table or a module, and its typical change (`scale`); by
     default without bounds, and with the scale of `minimise`."""
@@ -30,6 +32,7 @@ class Free(NamedTuple):
     scale: float | None = None
 
 
+@suggests
 class FreeDesign(NamedTuple):
     """Inputs of `optimise_design` and `train_design`: `campaign`, `start`, `bounds`, `scale`. The
     designs are dictionaries by path."""

@@ -32,6 +32,7 @@ from equinox import AbstractVar
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import InputError, State
+from ..core.suggestions import suggests
 from .tolerances import Tolerance
 from .vector_field import FieldOfStep, ScaledField, StepField, evaluate, just_before
 
@@ -40,6 +41,7 @@ Step: TypeAlias = tuple[State, State, dict[str, PyTree], PyTree, diffrax.RESULTS
 output, the state of the solver, and whether the step succeeded."""
 
 
+@suggests
 class SolverTraits(NamedTuple):
     """Properties of a method that the integration loop uses.
 
@@ -64,6 +66,7 @@ class SolverTraits(NamedTuple):
     linear: bool = False
 
 
+@suggests
 class AbstractDeclaredSolver(diffrax.AbstractSolver):
     """A solver that declares its traits."""
 

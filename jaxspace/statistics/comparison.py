@@ -26,6 +26,7 @@ from ..core import InputError
 from ..core.common_units import factor_between
 from ..core.listed import Listed
 from ..core.printing import printed
+from ..core.suggestions import suggests
 from ..core.text import aligned
 from ._dispersion import Dispersion
 from ._rounding import rounded
@@ -83,6 +84,7 @@ class VerdictChange(NamedTuple):
     share_after: float
 
 
+@suggests
 class CampaignComparison(NamedTuple):
     """Differences between two campaigns; printing it shows all tables.
 

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from ..core import InputError
 from ..core.field_types import check_types
 from ..core.printing import printed
+from ..core.suggestions import suggests
 from .limits import Percentile, check_share, percentile
 
 
@@ -158,6 +159,7 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
     )
 
 
+@suggests
 @dataclasses.dataclass(frozen=True)
 class StopRule:
     """Rule that ends a campaign: the percentile `share` of an output must be known, with this

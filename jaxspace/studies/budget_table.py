@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, final
 import numpy as np
 
 from ..core.printing import printed
+from ..core.suggestions import suggests
 from ..core.text import aligned
 from ._duration import duration
 from ._scene_effects import effect_names as effect_names
@@ -41,6 +42,7 @@ class Influence(NamedTuple):
     failure: str = ""
 
 
+@suggests
 @final
 @dataclass(frozen=True, eq=False)
 class EffectBudget:

@@ -13,6 +13,7 @@ import diffrax
 from ..core import InputError
 from ..core.checks import check_positive
 from ..core.printing import printed
+from ..core.suggestions import suggests
 from ..core.text import aligned
 from ..simulation import Accuracy
 from ..solvers.protocol import solver_traits
@@ -79,6 +80,7 @@ class Price(NamedTuple):
     tenth: float
 
 
+@suggests
 @final
 @dataclass(frozen=True, eq=False)
 class AccuracyCost:
