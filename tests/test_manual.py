@@ -5,6 +5,7 @@ A block of another library carries a title (```{.python title="SciPy"}), and is 
 """
 
 import ast
+import builtins
 import contextlib
 import importlib
 import inspect
@@ -14,6 +15,7 @@ import pkgutil
 import re
 import runpy
 import subprocess
+import symtable
 import sys
 from pathlib import Path
 
@@ -278,3 +280,65 @@ def test_examples_of_an_object_are_named(monkeypatch):
     assert uses.used(code, lines) == ["attitude.Top", "orbits.lambert.lambert"]
     found = uses.examples()["orbits.lambert.lambert"]
     assert "gallery/orbits/#transfer-window" in {example.address for example in found}
+
+
+def programs_of(page, monkeypatch):
+    """For each block of a page, what its copy button copies."""
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    hook = importlib.import_module("_complete_blocks")
+    text = (ROOT / page).read_text()
+    kinds = [kind for kind, _ in hook.FENCE.findall(text)]
+    return list(zip(kinds, hook.programs(text), strict=True))
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.startswith("docs/")])
+def test_copied_blocks_need_nothing_else(page, monkeypatch):
+    """Each name that a copied program reads at its top level is one that it defines before."""
+    for kind, program in programs_of(page, monkeypatch):
+        if kind != "python" and "jaxspace" not in program:
+            continue
+        table = symtable.symtable(program, page, "exec")
+        defined = {x.get_name() for x in table.get_symbols() if x.is_assigned() or x.is_imported()}
+        defined |= set(dir(builtins)) | {x.get_name() for x in table.get_children()}
+        read, tables = set(), [table]
+        while tables:
+            inner = tables.pop()
+            tables += inner.get_children()
+            read |= {
+                x.get_name()
+                for x in inner.get_symbols()
+                if x.is_referenced() and (inner is table or x.is_global())
+            }
+        assert read <= defined, read - defined
+
+
+# Blocks that need definitions, functions that read names defined below them, changed containers and
+# a name that is defined twice.
+@pytest.mark.parametrize(
+    "page, block",
+    [
+        ("docs/tutorials/first_scene.md", 3),
+        ("docs/howto/derivatives.md", 7),
+        ("docs/howto/cookbook.md", 3),
+        ("docs/physics/central_force.md", 1),
+    ],
+)
+def test_copied_blocks_run_alone(page, block, tmp_path, monkeypatch, settings_stay):
+    monkeypatch.chdir(tmp_path)
+    _, program = programs_of(page, monkeypatch)[block]
+    with jax.numpy_dtype_promotion("standard"):
+        exec(compile(program, page, "exec"), {"__name__": "page"})
+
+
+def test_the_statements_that_a_block_needs_are_copied(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    complete = importlib.import_module("_complete_blocks").complete
+    blocks = [
+        "import os\nimport numpy as np\n\nx = 1\nprint(x)\n",
+        "def f(y):\n    return x + LATER\n\n\nLATER = {}\nLATER['k'] = 2\nx = x + 1\nz = 3\n",
+        "print(f(2))\n",
+    ]
+    expected = "x = 1\n\n\ndef f(y):\n    return x + LATER\n\n\n"
+    expected += "LATER = {}\nLATER['k'] = 2\nx = x + 1\n\n\nprint(f(2))\n"
+    assert complete(blocks) == expected
+    assert complete(blocks[:1]) == blocks[0]
