@@ -54,10 +54,6 @@ def _swings(reach: Scalar, bar: Scalar, gravity: Scalar) -> tuple[Scalar, Scalar
 class BarOnString(AbstractLagrangian):
     """A uniform bar that hangs on a string. State: `GeneralisedState` of both angles.
 
-    - `mass`: of the bar, m, kg, positive.
-    - `string_length`, `bar_length`: a and b, m, positive.
-    - `gravity`: g, downwards, m/s^2.
-
     `BarOnString(1.0, 0.5, 0.8, 9.81)` is a bar of 0.8 m on a string of 0.5 m, and `state(phi=0.1,
     theta=0.2)` its state at rest with both angles, rad, from the downward vertical."""
 

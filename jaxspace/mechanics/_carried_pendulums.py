@@ -101,11 +101,6 @@ class RotatingHoop(AbstractLagrangian):
     `GeneralisedState` of the bead's angle. Its `energy` is Jacobi's integral, because the motor
     does work.
 
-    - `mass`: of the bead, m, kg, positive.
-    - `radius`: of the hoop, r, m, positive.
-    - `rate`: of the hoop, W, rad/s.
-    - `gravity`: g, downwards, m/s^2, positive.
-
     `RotatingHoop(0.2, 0.5, 6.0, 9.81)` rotates faster than sqrt(g / r), so that its `rest_angle` is
     not zero; `state(theta=0.1)` is the bead at rest at 0.1 rad from the bottom."""
 

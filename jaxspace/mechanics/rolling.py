@@ -40,11 +40,6 @@ class InclineDisk(AbstractLagrangian):
     down the slope, y, across it, the heading psi and the rolling angle phi; its `reactions` are the
     contact forces.
 
-    - `mass`: m, kg, positive.
-    - `radius`: r, m, positive.
-    - `slope`: angle a of the incline, rad.
-    - `gravity`: g, m/s^2.
-
     `disk = InclineDisk(1.0, 0.3, 0.1, 9.81)` rolls down a slope of 0.1 rad; `disk.state(psi=0.2,
     psi_rate=1.0, phi_rate=3.0)` is its state at the origin."""
 
