@@ -233,6 +233,9 @@ def _ways(keys: list[str]) -> list[str]:
                 "Its initial state: "
                 + _listed(line.removeprefix("initial: "))
             )
+        elif line.strip().startswith("as in "):
+            place = line.strip().removeprefix("as in ")
+            rows.append(f"| {'&emsp;' * depth}*as in* `{place}` | | |")
         elif line.strip() != "or":
             name, unit, meaning = _cells(line.strip())
             mark = "&emsp;" * depth
@@ -275,8 +278,8 @@ SCENE_FILES = """\
 # Scene files
 
 Scene files are in TOML format. [The guide](../howto/writing_scene_files.md) explains them by
-example; this page lists all tables, keys and names. `jaxspace list` prints the same, and
-`jaxspace schema` writes a schema for editors.
+example; this page lists all tables, keys and names. `jaxspace list` prints the names and
+`jaxspace list NAME` the keys of one of them; `jaxspace schema` writes a schema for editors.
 
 There are four kinds of files. A *system* file defines one system in `[system]`. A *scene* combines
 a body and effects. A *mission* has `[[phase]]` tables. A *flight* simulates a rocket, its

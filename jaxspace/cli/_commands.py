@@ -274,8 +274,11 @@ def _names_in(file: SceneFile, phase: str, scene: Scene) -> list[str]:
 
 
 def show_list(word: str = "", modules: Sequence[str] = ()) -> int:
-    """Print the names available in scene files, or only the entries that contain this word."""
-    print(listing(modules=modules, word=word))
+    """Print the names available in scene files, or the entries that contain this word with their
+    fields."""
+    print(listing(modules=modules, word=word, fields=bool(word)))
+    if not word:
+        print("\nnext   jaxspace list NAME   prints the fields of an entry or of a group")
     return 0
 
 

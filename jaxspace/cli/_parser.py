@@ -86,7 +86,7 @@ def _list_options(show: argparse.ArgumentParser) -> None:
         metavar="WORD",
         nargs="?",
         default="",
-        help="show only the entries that contain this word",
+        help="show the entries that contain this word, or a group by its name, with all fields",
     )
 
 

@@ -43,16 +43,17 @@ def listing(
     also: Iterable[object] = (),
     modules: Iterable[str | os.PathLike[str]] = (),
     word: str = "",
+    fields: bool = True,
 ) -> str:
     """The names that scene files may use: systems, effects, events and so on, with fields and
-    units.
+    units. The fields of a table shared by several entries are listed once.
 
     **Arguments**
 
     - `also`, `modules`: as in `load`.
     - `word`: only the group with this name is listed; otherwise, the entries that contain it in
-      their name or first sentence, or else in their fields. The fields of a table shared by several
-      entries are listed once.
+      their name or first sentence, or else in their fields.
+    - `fields`: whether the fields of each entry follow its name and its first sentence.
 
     **Raises** `InputError` for a word that no entry has."""
     known = catalog(also, modules)
@@ -70,10 +71,13 @@ def listing(
         ("distributions", _classes(known.kinds, known.distributions)),
         ("methods", [f"  {name}" for name in method_names(known)]),
     ]
-    if word:
-        written: dict[tuple[str, ...], str] = {}
-        groups = [(name, _once(lines, written)) for name, lines in _with_word(groups, word)]
-    return "\n\n".join("\n".join([name, *lines]) for name, lines in groups)
+    groups = _with_word(groups, word) if word else groups
+    written: dict[tuple[str, ...], str] = {}
+    shown = [
+        (name, _once(lines, written) if fields else [entry[0] for entry in _entries(lines)])
+        for name, lines in groups
+    ]
+    return "\n\n".join("\n".join([name, *lines]) for name, lines in shown)
 
 
 def _with_word(groups: list[Group], word: str) -> list[Group]:

@@ -578,8 +578,13 @@ def test_list_and_schema(capsys):
     assert main(["list"]) == 0
     printed = capsys.readouterr().out
     assert "**" not in printed
-    for word in ("  thrust: ", "total_impulse [N s]", "  periapsis [m^2/s]", "  burnout [s]"):
+    for word in ("  thrust: ", "  periapsis [m^2/s]", "  burnout [s]", "jaxspace list NAME"):
         assert word in printed
+    # An entry on each line, and their fields where they are asked for.
+    assert len(printed.splitlines()) < 250 and "total_impulse" not in printed
+    assert main(["list", "effects"]) == 0
+    printed = capsys.readouterr().out
+    assert "total_impulse [N s]" in printed and printed.count("rms_aloft [m/s]: ") == 1
     assert main(["list", "burnout"]) == 0
     found = re.findall(r"^  (\w+)", capsys.readouterr().out, re.MULTILINE)
     assert set(found) == {"propellant_depletion", "burnout"}
