@@ -1,6 +1,6 @@
 """A thousand dispersed runs of thirty days on a Molniya orbit and on a geostationary transfer orbit
-about an oblate Earth with drag at perigee: by the default method, which is adaptive regularised
-steps, and by DOP853 in physical time. The error is the relative error of the final position for the
+about an oblate Earth with drag at perigee: by the default method, which is DOP853 in physical time,
+and by adaptive regularised steps. The error is the relative error of the final position for the
 first runs, compared with DOP853 at the tightest tolerance."""
 
 import dataclasses

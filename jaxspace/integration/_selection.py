@@ -98,10 +98,9 @@ def _is_eccentric(context: SelectionContext) -> bool:
     starts = None if context.starts is None else context.starts()
     if starts is None or not is_eccentric(starts, context.system):
         return False
-    # For a second-order system regularised variables are better only with a perturbation that has a
-    # potential.
-    beside = is_second_order(context.system, context.y)
-    return not beside or is_second_order_regularised(context.system, context.y)
+    # Without a potential, as under drag, DOP853 integrates either variables. The regularised ones
+    # are not faster at equal error, and take three times as long to compile.
+    return is_second_order_regularised(context.system, context.y)
 
 
 # The first applicable rule decides: exact methods come first, and the one for all systems last.
@@ -114,7 +113,7 @@ RULES = (
     ),
     Rule("the tolerance is above 1e-5", lambda c: c.rtol > LOOSE, LOW_ORDER),
     Rule(
-        "orbits of e >= 0.5 about a point mass, perturbed by a potential or by velocities",
+        "orbits of e >= 0.5 about a point mass, perturbed by a potential",
         _is_eccentric,
         REGULARISED,
     ),

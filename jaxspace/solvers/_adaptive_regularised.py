@@ -5,9 +5,10 @@ passes, perturbed or not.
     q'' = f(q, c), t = T(q, q') + int g(q)     where the perturbation has a potential
 
 Every run has individual steps, in its own fictitious time. With a potential the method is RKN
-12(10), otherwise DOP853. A step that would pass the next save time is replaced by one whose length
-follows from the unperturbed motion. This is repeated until two terms of a series cover the
-remaining time (`regularised_step.py`).
+12(10), otherwise, as under drag, DOP853 with a larger estimate of the error (`cautious`). A step
+that would pass the next save time is replaced by one whose length follows from the unperturbed
+motion. This is repeated until two terms of a series cover the remaining time
+(`regularised_step.py`).
 
     symbol  meaning
     sigma   fictitious time

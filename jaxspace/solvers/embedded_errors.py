@@ -55,6 +55,17 @@ def blend(e5: Array, e3: Array) -> Array:
     return jnp.where(positive, e5 * e5 * inverse_sqrt(jnp.where(positive, bottom, 1.0)), 0.0)
 
 
+def cautious(e5: Array, e3: Array) -> Array:
+    """A larger estimate of the error of each component, the geometric mean of `blend` and `e5`, for
+    steps that may be longer than a perturbation.
+
+    `blend` assumes that the error is as much smaller than e5 as e5 is smaller than e3. In
+    regularised variables the steps are limited by the perturbations alone. A step of a quarter of a
+    revolution that ends in the atmosphere does not resolve the density, and its error has been up
+    to 140 times `blend`. It has the same sign in every revolution, so that the errors add up."""
+    return jnp.sqrt(jnp.abs(e5 * blend(e5, e3)))
+
+
 def blended_square(e5: Array, e3: Array) -> Array:
     """The square of `blend`: without a root, and without a derivative where nothing changes."""
     square = e5 * e5

@@ -22,7 +22,7 @@ from ..core.barrier import barrier
 from ..core.jit import quick_jit
 from . import tableaus as tableau
 from ._rkn1210 import POSITION_ERROR, VELOCITY_ERROR
-from .embedded_errors import blend
+from .embedded_errors import cautious
 from .stages import combine, stage_loop, weighted
 from .vector_field import ScaledField
 
@@ -79,7 +79,7 @@ def evaluations_of(form: AbstractRegularised) -> int:
 
 def order_of(form: AbstractRegularised) -> float:
     """Order of the error estimate in the length of the step."""
-    return 12.0 if isinstance(form, AbstractSecondOrderForm) else 8.0
+    return 12.0 if isinstance(form, AbstractSecondOrderForm) else 7.0
 
 
 def attempt(
@@ -113,7 +113,7 @@ def attempt(
         for row in tableau.DOP853_A:
             ks.append(derivative_in(form, t, duration, combine(z, h, row, ks) if row else z))
     z1 = barrier(combine(z, h, tableau.DOP853_B, ks))
-    error = blend(
+    error = cautious(
         combine(None, h, tableau.DOP853_ERROR_5, ks), combine(None, h, tableau.DOP853_ERROR_3, ks)
     )
     return Attempt(z1, error, ks[0][-1])

@@ -18,7 +18,7 @@ from jaxspace import (
 )
 from jaxspace.bodies import Load
 from jaxspace.core import AbstractSecondOrderForm
-from jaxspace.core.vectors import dot
+from jaxspace.core.vectors import dot, norm
 from jaxspace.integration import select_method
 from jaxspace.orbits import Oblateness, PointGravity
 from jaxspace.scene import Custom
@@ -63,8 +63,8 @@ def test_it_is_chosen_for_eccentric_orbits():
 
     own = AdaptiveRegularised
     assert [chosen(e) for e in (0.4, 0.6, 0.9)] == [RKN1210, own, own]
-    assert chosen(0.9, DRAGGED) is AdaptiveRegularised
-    assert chosen(0.3, DRAGGED) is DOP853
+    # Without a potential steps in time are as fast at equal error, and compile sooner.
+    assert chosen(0.9, DRAGGED) is chosen(0.3, DRAGGED) is DOP853
     # Less than a revolution, more states than it would land on, and numbers that are not known.
     assert chosen(0.9, ts=TS / 20.0) is RKN1210
     assert chosen(0.9, ts=jnp.linspace(0.0, 20.0, 999)) is RKN1210
@@ -142,6 +142,39 @@ def test_half_the_evaluations_of_steps_in_time_serve(e, revolutions):
     (own, reached), (other, beside) = (end(method, 1e-10) for method in (OWN, RKN1210()))
     assert 2 * own < other
     assert difference(reached, true) < difference(beside, true)
+
+
+def test_the_error_of_a_step_into_an_atmosphere_is_estimated():
+    """Steps of up to a quarter of a revolution from everywhere on an orbit whose density falls by e
+    in a hundredth of the perigee distance, beside 64 steps of a 64th. The smallest estimate is 0.43
+    of the error; with that of DOP853 in time, `blend`, it is 0.08."""
+    thin = Custom(
+        lambda t, y, body: Load(
+            acceleration_N=-1e-4 * jnp.exp((0.3 - norm(y.position)) / 3e-3) * y.velocity
+        )
+    )
+    form = Scene((*OBLATE.effects, thin)).regularised()
+    start = form.to_regularised(at_periapsis(0.7))
+    # In units of the eccentric anomaly.
+    anomaly, length = (
+        x.reshape(-1) for x in jnp.meshgrid(jnp.linspace(0.2, 6.2, 40), jnp.linspace(0.2, 1.6, 8))
+    )
+
+    def stepped(z, h, steps):
+        def step(_, z):
+            return attempt(form, 0.0, 100.0, z, h / steps).z
+
+        return jax.lax.fori_loop(0, steps, step, z)
+
+    @jax.jit
+    def ratio(z):
+        z = stepped(jnp.broadcast_to(z[:, None], (*z.shape, anomaly.size)), anomaly, 400)
+        one, fine = attempt(form, 0.0, 100.0, z, length), stepped(z, length, 64)
+        true = form.size(one.z - fine, z, one.z)
+        # Where the density vanishes, both are rounding.
+        return jnp.where(true > 1e-10, form.size(one.error, z, one.z) / true, jnp.inf)
+
+    assert jnp.min(ratio(start)) > 0.2
 
 
 def test_derivatives_agree_with_differences():
