@@ -123,7 +123,7 @@ TASKS = {
         "Methods without sampling": "moments covariance comparison evaluate",
         "Replaying runs": "run_paths RunPaths replay",
         "Stores": "open_store DamagedStore StoreError",
-        "Engines": "ProcessPool DaskCluster MultiHost AbstractEngine",
+        "Engines": "ProcessPool DaskCluster MultiHost Part AbstractEngine",
     },
     "sampling": {
         "Distributions": "Normal Uniform TruncatedNormal Triangular Lognormal Discrete Samples "
@@ -141,7 +141,7 @@ TASKS = {
         "Stores": "open_store DamagedStore StoreError",
     },
     "engines": {
-        "Engines": "ProcessPool DaskCluster MultiHost",
+        "Engines": "ProcessPool DaskCluster MultiHost Part",
         "User-defined engines": "AbstractEngine AbstractRunner",
     },
     "minimisation": {

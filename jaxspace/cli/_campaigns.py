@@ -14,6 +14,7 @@ from ..dispersion import disperse as disperse_campaign
 from ..dispersion import moments
 from ..dispersion.comparison import compare_methods
 from ..dispersion.covariance import METHODS, MONTE_CARLO
+from ..engines import AbstractEngine, Part
 from ..io import SceneFile, load, stored_scene
 from ..io.reports.campaign import comparison_table, failures_report, moments_report, replay_report
 from ..io.reports.campaign_tables import dispersion_report
@@ -22,6 +23,8 @@ from ..sampling import LatinHypercube, Sobol
 from ..sampling.designs import AbstractDesign
 from ..statistics import Dispersion, StopRule
 from ..stores import DamagedStore, StoreError, open_store
+from ..stores.part_writer import unfinished_parts
+from ..stores.store import Store
 from ._commands import draw, path_of, print_next, show_page
 from ._output import make_folder
 from ._report import accuracy_of, keep_pictures, nominal_outputs
@@ -43,6 +46,7 @@ class Options(NamedTuple):
     until: StopRule | None = None
     method: str = MONTE_CARLO
     compare: bool = False
+    part: tuple[int, int] | None = None
 
 
 def disperse(path: str, options: Options, folder: str, modules: Sequence[str] = ()) -> int:
@@ -67,7 +71,15 @@ def disperse(path: str, options: Options, folder: str, modules: Sequence[str] = 
     how = {"overwrite": options.overwrite, "chunk": options.chunk, "samples": options.samples}
     how |= {"until": until, "seed": seed, "times": times}
     store = path_of(file, folder, ".zarr")
-    return _run(file, store, runs, options.engine, METHODS if options.compare else None, **how)
+    engine: str | AbstractEngine = options.engine
+    if options.part is not None:
+        if engine != "local":
+            raise InputError(
+                f"--engine is {engine}, and each part is computed by the local engine: omit it, or "
+                "--part."
+            )
+        engine = Part(*options.part)
+    return _run(file, store, runs, engine, METHODS if options.compare else None, **how)
 
 
 def _refuse_options_of_runs(options: Options) -> None:
@@ -123,7 +135,7 @@ def _run(
     file: SceneFile,
     store: str,
     runs: int,
-    engine: str,
+    engine: str | AbstractEngine,
     compare: tuple[str, ...] | None = None,
     **how: object,
 ) -> int:
@@ -135,14 +147,14 @@ def _run(
             raise
         # Unless the campaign is resumed, an existing store is that of another one.
         untouched = not how.get("resume") and before is not None and before == _head_of(store)
-        raise Stopped(_left(store, untouched)) from None
+        raise Stopped(_left(store, untouched, engine)) from None
 
 
 def _run_and_report(
     file: SceneFile,
     store: str,
     runs: int,
-    engine: str,
+    engine: str | AbstractEngine,
     compare: tuple[str, ...] | None,
     **how: Any,
 ) -> int:
@@ -171,6 +183,9 @@ def _run_and_report(
                 progress=show,
                 **how,
             )
+    if isinstance(engine, Part) and result.runs < runs:
+        print(_parts_left(store, result, engine))
+        return 0
     with waiting("computing the statistics"):
         outputs = nominal_outputs(file, result, nominal)
         tables = dispersion_report(result, outputs)
@@ -193,6 +208,16 @@ def _run_and_report(
         return 2
     # Single failed runs are part of the result; a campaign of which all failed is none.
     return 0 if result.good.any() else 1
+
+
+def _parts_left(store: str, result: Dispersion, engine: Part) -> str:
+    """A message about a campaign of which other parts are missing."""
+    parts = unfinished_parts(Store(store).read(), engine.parts)
+    named = ", ".join(map(str, parts[:20])) + (", ..." if len(parts) > 20 else "")
+    return (
+        f"part {engine.part} of {engine.parts} is finished: {result.runs} of "
+        f"{result.planned_runs} runs are in {store}. Parts that are not: {named}."
+    )
 
 
 def _runs_that_decide(
@@ -218,7 +243,7 @@ def _head_of(store: str) -> tuple[int, int] | None:
     return result.st_ino, result.st_mtime_ns
 
 
-def _left(store: str, untouched: bool) -> str:
+def _left(store: str, untouched: bool, engine: str | AbstractEngine) -> str:
     """A message about the state of a stopped campaign.
 
     `untouched`: whether `store` is the one of an earlier campaign."""
@@ -230,6 +255,11 @@ def _left(store: str, untouched: bool) -> str:
     except StoreError:
         return "stopped before the first run: nothing was stored."
     planned = there.planned_runs
+    if isinstance(engine, Part):
+        return (
+            f"stopped: {there.runs} of {planned} runs are stored in {store}. The same command "
+            f"computes the rest of part {engine.part}."
+        )
     return (
         f"stopped: {there.runs} of {planned} runs are stored in {store}. "
         f"`jaxspace resume {shlex.quote(store)}` computes the rest."

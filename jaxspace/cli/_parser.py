@@ -192,6 +192,13 @@ def _disperse_options(disperse: argparse.ArgumentParser) -> None:
         '"0, 90 s, 10 min"; NaN for the phases that do not cover a time',
     )
     disperse.add_argument("--overwrite", action="store_true", help="replace an existing store")
+    disperse.add_argument(
+        "--part",
+        type=_part,
+        metavar="K/N",
+        help="compute part K of N, for tasks that share the store without a scheduler, such as "
+        "those of an array job; the task that completes the store reports on all runs",
+    )
 
 
 def _method_options(disperse: argparse.ArgumentParser) -> None:
@@ -214,6 +221,16 @@ def _method_options(disperse: argparse.ArgumentParser) -> None:
         action="store_true",
         help="compare the Monte Carlo result with the cheaper methods",
     )
+
+
+def _part(text: str) -> tuple[int, int]:
+    part, _, parts = text.partition("/")
+    numbers = [int(x) if x.isascii() and x.isdigit() and len(x) < 10 else 0 for x in (part, parts)]
+    if not 1 <= numbers[0] <= numbers[1]:
+        raise argparse.ArgumentTypeError(
+            f"it is {text}: it must be the number of a part and that of all parts, such as 3/40."
+        )
+    return numbers[0], numbers[1]
 
 
 def _rule(text: str) -> tuple[str, float, float]:

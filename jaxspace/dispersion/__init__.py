@@ -6,6 +6,7 @@ from ..core.modules import modules_of as _modules_of
 from ..engines import AbstractEngine as AbstractEngine
 from ..engines import DaskCluster as DaskCluster
 from ..engines import MultiHost as MultiHost
+from ..engines import Part as Part
 from ..engines import ProcessPool as ProcessPool
 from ..sampling import AbstractDesign as AbstractDesign
 from ..sampling import AbstractDistribution as AbstractDistribution

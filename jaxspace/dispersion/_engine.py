@@ -6,7 +6,7 @@ import os
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from typing import Literal, overload
+from typing import TYPE_CHECKING, Literal, overload
 
 import equinox as eqx
 import jax
@@ -15,7 +15,7 @@ import numpy as np
 
 from ..core import InputError
 from ..core.record import Record
-from ..engines import AbstractEngine, MultiHost
+from ..engines import AbstractEngine, MultiHost, Part
 from ..engines.chunks import in_memory, stored
 from ..engines.ending import check_rule
 from ..engines.named import as_engine
@@ -27,6 +27,7 @@ from ..statistics import Dispersion
 from ..statistics.spread import StopRule
 from ..stores import DamagedStore
 from ..stores.columns import check_array_name
+from ..stores.part_writer import PartWriter
 from ..stores.results import RunResults
 from ..stores.store import ENOUGH, Store
 from ..stores.writer import StoreWriter
@@ -39,6 +40,9 @@ from ._saved_states import StatesToStore
 from ._whole import check_whole
 from .covariance import MONTE_CARLO, Moments, moments
 from .purpose import ByPurpose, CampaignAccuracy, as_campaign_accuracy, with_tolerance
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 CHUNK = 8192
 """Runs in a chunk: large enough that storing takes one percent of the computing time."""
@@ -63,7 +67,7 @@ def disperse(
     resume: bool = False,
     samples: int = 0,
     times: Sequence[float] | None = None,
-    engine: str | AbstractEngine = "local",
+    engine: "str | AbstractEngine | Client" = "local",
     until: StopRule | None = None,
     notes: Mapping[str, object] | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -97,7 +101,7 @@ def disperse(
     resume: bool = False,
     samples: int = 0,
     times: Sequence[float] | None = None,
-    engine: str | AbstractEngine = "local",
+    engine: "str | AbstractEngine | Client" = "local",
     until: StopRule | None = None,
     notes: Mapping[str, object] | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -144,8 +148,9 @@ def disperse(
       If a controller samples a phase, times must not be in it or later, nor in or after an earlier
       phase whose end is unknown in advance.
     - `engine`: "local" (this process, with all of its cores or accelerators), "processes", "dask",
-      the address of a Dask scheduler, "hosts" (the processes of `jax.distributed`), or an engine
-      object.
+      the address of a Dask scheduler, or a `distributed.Client`, "hosts" (the processes of
+      `jax.distributed`), or an engine object, such as `Part(3, 40)` for the third of 40 tasks that
+      share a store.
     - `until`: rule by which the campaign stops before `runs`, after a whole chunk (`StopRule`). It
       stops after the same run with every engine, resumed or not.
     - `notes`: further attributes of the store, by name.
@@ -181,13 +186,20 @@ def disperse(
         _check_stored_names(campaign, kept_states)
     using = as_engine(engine)
     local = _devices(devices)
-    if isinstance(using, MultiHost) and store is None:
-        raise InputError("store is missing: several hosts share their results through it.")
+    if isinstance(using, MultiHost | Part) and store is None:
+        raise InputError("store is missing: several processes share their results through it.")
+    if isinstance(using, Part):
+        _check_part(until, overwrite, resume)
+        chunk = using.chunk(runs, chunk)
     with contextlib.ExitStack() as stack:
         writer = None
         # Locked before the runner compiles, so that an error is raised early.
         if store is not None:
-            writer = StoreWriter(store, overwrite=overwrite, resume=resume)
+            writer = (
+                PartWriter(store, using.part, using.parts)
+                if isinstance(using, Part)
+                else StoreWriter(store, overwrite=overwrite, resume=resume)
+            )
             _enter(writer, using, stack)
 
         def prepare(rtol: float) -> BatchRunner:
@@ -208,6 +220,21 @@ def disperse(
         if writer is not None:
             return stored(writer, runner, using, attributes, progress, until)
         return _held(runner, using, attributes, runs, progress, until, started)
+
+
+def _check_part(until: StopRule | None, overwrite: bool, resume: bool) -> None:
+    """Raise `InputError` for options that concern the whole of a campaign."""
+    if until is not None:
+        raise InputError(
+            "until is given, and the campaign is computed in parts, each of which knows its own "
+            "runs only: omit it."
+        )
+    for name, given in (("overwrite", overwrite), ("resume", resume)):
+        if given:
+            raise InputError(
+                f"{name} is True, and the campaign is computed in parts: omit it. A part creates "
+                "the store or joins the existing one of the same campaign."
+            )
 
 
 def _check_extension(campaign: Campaign, planned: int, runs: int) -> None:

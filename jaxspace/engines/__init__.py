@@ -10,3 +10,4 @@ from ._interface import AbstractEngine as AbstractEngine
 from ._interface import AbstractRunner as AbstractRunner
 from ._process_pool import ProcessPool as ProcessPool
 from .named import MultiHost as MultiHost
+from .named import Part as Part

@@ -4,7 +4,7 @@ import contextlib
 import logging
 import queue
 from collections.abc import Iterator, Sequence
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 from ..core import InputError
 from ..core.extras import extra
@@ -18,6 +18,9 @@ from ._interface import (
     workers_or_cores,
 )
 from ._transfer import compute_chunk, payload_of, without_main
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 # The kinds of connection that Dask knows.
 SCHEMES = ("tcp", "tls", "ws", "wss", "ucx", "inproc")
@@ -35,17 +38,22 @@ class DaskCluster(AbstractEngine):
 
     **Arguments**
 
-    - `address`: of a scheduler, such as "tcp://10.0.0.5:8786"; by default a cluster on this machine
-      is started, which listens on the local machine only.
+    - `address`: of a scheduler, such as "tcp://10.0.0.5:8786", or a `distributed.Client`, for
+      clusters that need credentials or are started by another library; it remains open. By default
+      a cluster on this machine is started, which listens on the local machine only.
     - `workers`: of the cluster that is started.
     - `retries`: maximum number of failures of a chunk, or losses with its worker.
 
     **Raises** `InputError` for an address that is none, and for less than one worker."""
 
     def __init__(
-        self, address: str | None = None, *, workers: int | None = None, retries: int = RETRIES
+        self,
+        address: "str | Client | None" = None,
+        *,
+        workers: int | None = None,
+        retries: int = RETRIES,
     ):
-        if address is not None:
+        if address is not None and not is_client(address):
             _check_address(address)
         self.address = address
         self._workers = workers_or_cores("DaskCluster", workers)
@@ -92,12 +100,16 @@ class DaskCluster(AbstractEngine):
             from distributed import Client, LocalCluster
             from distributed.scheduler import KilledWorker
 
-        where = "of this machine" if self.address is None else f"at {self.address}"
+        where = "of this machine" if self.address is None else f"at {_place(self.address)}"
         with contextlib.ExitStack() as stack:
             # Dask's log of broken connections is silenced, because the error below reports them.
             stack.enter_context(_quiet())
             try:
                 target = self.address
+                # The user closes it.
+                if isinstance(target, Client):
+                    yield target
+                    return
                 if target is None:
                     # For as long as the cluster lives, which replaces workers that die.
                     stack.enter_context(without_main())
@@ -114,6 +126,17 @@ class DaskCluster(AbstractEngine):
                     f"The Dask cluster {where} failed ({type(error).__name__}: {error}). All "
                     "finished chunks are stored."
                 ) from error
+
+
+def is_client(engine: object) -> bool:
+    """Whether an object is a client of Dask, without importing Dask for any other one."""
+    module = type(engine).__module__.partition(".")[0]
+    return module == "distributed" and hasattr(engine, "submit")
+
+
+def _place(address: object) -> str:
+    """The address of a scheduler, or that of a client's."""
+    return address if isinstance(address, str) else str(getattr(address, "scheduler", address))
 
 
 def _check_address(address: object) -> None:

@@ -1,11 +1,14 @@
-"""The lock of a store: one writer at a time, with its name for the others."""
+"""The locks of a store: one writer at a time, with its name for the others; or several tasks, each
+of which writes its part of the chunks."""
 
 import contextlib
 import errno
 import json
 import os
+import re
 import socket
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +18,10 @@ from ._files import check_plain
 from ._head import is_store
 
 NAME = ".lock"
+# Held by one of several tasks at a time, for what concerns the whole store.
+TURN = ".turn"
+# Held by a task for its part.
+PART = re.compile(r"\.part-[1-9][0-9]*-of-[1-9][0-9]*")
 # Longest time that a lock may be held without a name, s; then its owner counts as unknown.
 PATIENCE = 1.0
 
@@ -30,15 +37,20 @@ class Owner(NamedTuple):
         return f"process {self.pid} on {self.host}"
 
 
+def is_lock(name: str) -> bool:
+    """Whether a file of a store with this name is one of its locks."""
+    return name in (NAME, TURN) or PART.fullmatch(name) is not None
+
+
 class Lock:
-    """Held from `acquire` to `release`; the system releases it when its process dies, however that
-    dies, so that no lock outlives its owner on the same machine.
+    """Held from `acquire`, or `share`, to `release`; the system releases it when its process dies,
+    however that dies, so that no lock outlives its owner on the same machine.
 
     - `stale`: a message about a lock whose owner is gone; empty otherwise.
     - `created`: whether there was no file before."""
 
-    def __init__(self, folder: Path):
-        self.path = folder / NAME
+    def __init__(self, folder: Path, name: str = NAME):
+        self.path = folder / name
         self.handle: int | None = None
         self.stale = ""
         self.created = False
@@ -64,6 +76,25 @@ class Lock:
                     if self.created and locked:
                         self.path.unlink(missing_ok=True)
                     os.close(handle)
+
+    def share(self) -> None:
+        """Take the lock together with other processes that share it. It has no owner.
+
+        **Raises** as `acquire` does, if a process holds it that does not share it."""
+        handle, self.created = _open(self.path)
+        free = False
+        try:
+            owner = _owner(handle)
+            free = _lock(handle, shared=True)
+            if not free:
+                host = socket.gethostname()
+                raise StoreError(
+                    f"{self.path.parent} is in use{_named(owner)}{_advice(owner, host)}"
+                )
+            self.handle = handle
+        finally:
+            if not free:
+                os.close(handle)
 
     def _wait(self, handle: int) -> Owner | None:
         """Lock the file, and return the owner that it names: one that is gone."""
@@ -105,6 +136,18 @@ class Lock:
                 os.close(handle)
 
 
+@contextlib.contextmanager
+def turn(folder: Path) -> Iterator[None]:
+    """Wait until no other task is in this context for the same store."""
+    handle, _ = _open(folder / TURN)
+    try:
+        while not _lock(handle):
+            time.sleep(0.05)
+        yield
+    finally:
+        os.close(handle)
+
+
 def _open(path: Path) -> tuple[int, bool]:
     """The file of a lock, opened for writing, and whether it is new.
 
@@ -135,14 +178,17 @@ def _is_at(handle: int, path: Path) -> bool:
         return False
 
 
-def _lock(handle: int) -> bool:
-    """Whether the file could be locked."""
+def _lock(handle: int, shared: bool = False) -> bool:
+    """Whether the file could be locked, by this process alone or together with others."""
     try:
         import fcntl
     # On Windows.
     except ImportError:
         import msvcrt
 
+        # Windows has no shared locks: there nothing keeps other writers away.
+        if shared:
+            return True
         try:
             # Far behind the text, because Windows does not let others read the locked part.
             os.lseek(handle, 2**20, os.SEEK_SET)
@@ -151,7 +197,7 @@ def _lock(handle: int) -> bool:
         except OSError:
             return False
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         return True
     except BlockingIOError:
         return False

@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from ._errors import DamagedStore, StoreError
 from ._files import check_without_links, write_whole
 from ._head import COPY, HEAD, differs_in_runs, is_store, read_head, sealed
 from ._identity import difference, mark_of
-from ._lock import NAME, Lock
+from ._lock import NAME, Lock, is_lock
 from ._replacement import (
     READY,
     STAGED,
@@ -148,7 +148,8 @@ class StoreWriter:
                 )
             return
         # Anything else belongs to the user.
-        others = sorted({x.name for x in path.iterdir()} - {NAME, STAGED, READY})
+        names = {x.name for x in path.iterdir()} - {STAGED, READY}
+        others = sorted(name for name in names if not is_lock(name))
         if others and not self.overwrite and (path / HEAD).exists():
             self.store.read()
         if others:
@@ -244,16 +245,23 @@ class StoreWriter:
                 f"{store.path} ended after {store.runs} runs by its stopping rule: it cannot be "
                 f"extended to {runs} runs."
             )
-        there = store.attributes | ({"planned_runs": runs} if extends else {})
-        other = difference(there, store.columns, attributes, columns)
-        if other:
-            raise StoreError(f"{store.path} is the store of another campaign: {other}")
+        self.check_identity(attributes, columns, {"planned_runs": runs} if extends else {})
         # Nothing is repaired in a store of another campaign, nor by two processes.
         if self.lock.handle is not None:
             self._mend_metadata()
         if extends:
             self._extend(runs)
         return store
+
+    def check_identity(
+        self, attributes: Record, columns: Mapping[str, Column], changed: Record | None = None
+    ) -> None:
+        """Raise `StoreError` unless the store is that of the campaign with these attributes and
+        columns; `changed`: attributes that the store is about to have."""
+        there = self.store.attributes | (changed or {})
+        other = difference(there, self.store.columns, attributes, columns)
+        if other:
+            raise StoreError(f"{self.store.path} is the store of another campaign: {other}")
 
     def _extend(self, runs: int) -> None:
         """Plan more runs: the arrays become longer, and the chunks that are there remain.
@@ -297,11 +305,15 @@ class StoreWriter:
 
     def missing(self) -> tuple[list[int], list[str]]:
         """The chunks that have to be computed, and messages about corrupted ones among them."""
+        return self.missing_of(range(self.store.count))
+
+    def missing_of(self, chunks: Sequence[int]) -> tuple[list[int], list[str]]:
+        """As `missing`, of these chunks."""
         store = self.store
         todo = []
         damages = []
         finished = set(store.finished())
-        for chunk in range(store.count):
+        for chunk in chunks:
             damage = store.damage(chunk) if chunk in finished else ""
             if damage:
                 damages.append(damage)

@@ -82,6 +82,16 @@ def test_dask_on_this_machine_computes_the_same_bits(whole, tmp_path):  # noqa: 
 
 
 @pytest.mark.filterwarnings("ignore")
+@pytest.mark.filterwarnings("ignore")
+def test_a_client_of_the_user_is_an_engine_and_remains_open(whole, tmp_path):  # noqa: F811
+    distributed = pytest.importorskip("distributed")
+    options = {"host": "127.0.0.1", "dashboard_address": None, "threads_per_worker": 1}
+    with distributed.LocalCluster(1, **options) as local, distributed.Client(local) as client:
+        fly(tmp_path / "s.zarr", engine=client)
+        assert client.submit(abs, -1).result() == 1
+    assert files_of(tmp_path / "s.zarr") == files_of(whole)
+
+
 def test_dask_on_this_machine_listens_to_it_alone():
     """Whatever of this process and of its workers waits for connections: it runs what is sent."""
     pytest.importorskip("distributed")
