@@ -67,6 +67,8 @@ def pytest_configure(config):
     leaf_checks.typechecked = of_leaf(leaf_checks.typechecked)
     # Traces make many objects that stay: to look through all of them so often takes a thirtieth.
     gc.set_threshold(50_000, 20, 50)
+    # Programs are traced, as tests expect; tests of stored ones have their own folders.
+    os.environ["JAXSPACE_PROGRAMS_LIMIT"] = "0"
     if not config.getoption("--no-programs"):
         store_programs()
     if config.getoption("--write-costs") and not hasattr(config, "workerinput"):

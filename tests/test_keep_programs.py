@@ -65,3 +65,15 @@ def test_a_file_is_no_folder(tmp_path):
     path.write_text("")
     with pytest.raises(InputError, match="folder is .*: it must be a folder"):
         jaxspace.keep_programs(path)
+
+
+@pytest.mark.parametrize("limit", [-1, 0.5, "many"])
+def test_a_limit_is_a_number_of_bytes(tmp_path, limit):
+    with pytest.raises(InputError, match="limit is .*: it must be a number of bytes, 0 or more"):
+        jaxspace.keep_programs(tmp_path, limit=limit)
+
+
+def test_the_environment_gives_the_limit(tmp_path, monkeypatch):
+    monkeypatch.setenv("JAXSPACE_PROGRAMS_LIMIT", "2 GB")
+    with pytest.raises(InputError, match="JAXSPACE_PROGRAMS_LIMIT is '2 GB': it must be"):
+        jaxspace.keep_programs(tmp_path)

@@ -16,6 +16,8 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
+from .stored import StoredProgram, is_storing
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -37,15 +39,19 @@ class _Program(Generic[T]):
     def __init__(self, function: Callable[..., T], static: tuple, options: Options):
         # Not methods, because a program that refers to itself is freed late.
         self.shapes: list[None] = []
+        name = getattr(function, "__name__", type(function).__name__)
+        self.stored = StoredProgram(name, (function, options, *static))
         self.make = functools.partial(_program, function, static, options, self.shapes)
         self.program = self.make()
 
     def __call__(self, arrays: tuple) -> T:
         # Each of the shapes of the arguments is another program of the compiler.
-        if len(self.shapes) > KEPT:
+        if max(len(self.shapes), len(self.stored.loaded)) > KEPT:
             self.shapes.clear()
+            self.stored.loaded.clear()
             self.program = self.make()
-        arrays, rest = self.program(arrays)
+        program = self.stored.find(self.program, arrays) if is_storing() else None
+        arrays, rest = (program or self.program)(arrays)
         return eqx.combine(arrays, rest.value)
 
 
