@@ -1,4 +1,4 @@
-"""Makes the whole addresses of pages relative, so that a link leads to the page of the same version.
+"""Makes the whole addresses of pages relative, so that links lead to pages of the same version.
 
 A page that is written when the site is built is no file of the repository: its address is written
 in full in the sources, which lead there from a clone and on GitHub, too."""
