@@ -36,13 +36,13 @@ def _numbers(tree):
 
 def _blocks(text):
     """Paragraphs, entries of lists and rows of tables, without programs; with the benchmarks to
-    which each links, a table without links to those of the paragraph above it."""
+    which each links, a row also to those of the paragraph above its table."""
     above = []
     for block in re.split(r"\n\s*\n", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S)):
         table = block.lstrip().startswith("|")
         parts = block.splitlines() if table else re.split(r"\n(?=- )", block)
         for part in parts:
-            yield part, LINKED.findall(part) or (above if table else [])
+            yield part, LINKED.findall(part) + (above if table else [])
         above = LINKED.findall(block)
 
 
