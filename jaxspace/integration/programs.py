@@ -16,9 +16,9 @@ from typing import NamedTuple
 class Runs(enum.StrEnum):
     """The purpose of a program."""
 
-    DERIVATIVE_OF_ONE = "derivative of a single run"
+    DERIVATIVE_OF_ONE = "tangent and adjoint of a single run"
     ONE_CLOSED_LOOP = "single closed loop"
-    ONE_RECORDED = "single run recorded for a derivative"
+    ONE_RECORDED = "single run that records its steps for a derivative"
     ONE = "single run"
     DERIVATIVES = "derivatives of a batch"
     CLOSED_LOOPS = "batch of closed loops"
@@ -36,9 +36,13 @@ class Limit(NamedTuple):
 
 
 SMALL_FROM = {
-    Runs.DERIVATIVE_OF_ONE: Limit(0, "the first call is mostly compilation, of three steps"),
-    Runs.ONE_CLOSED_LOOP: Limit(0, "a run takes less time than the longer compilation"),
-    Runs.ONE_RECORDED: Limit(70, "for fewer, the saving is small and both directions are slower"),
+    Runs.DERIVATIVE_OF_ONE: Limit(
+        0, "the first call is mostly compilation, of three copies of the step"
+    ),
+    Runs.ONE_CLOSED_LOOP: Limit(0, "compiling unrolled stages takes longer than a run"),
+    Runs.ONE_RECORDED: Limit(
+        70, "for fewer operations, the saving is small and both directions are slower"
+    ),
     Runs.ONE: Limit(160, "a third of the compilation time, up to 1.5 times the run time"),
     Runs.DERIVATIVES: Limit(160, "a third of the compilation time, up to 1.7 times the run time"),
     Runs.CLOSED_LOOPS: Limit(
@@ -46,8 +50,8 @@ SMALL_FROM = {
         "10 s of compilation instead of more than one minute, at 650 operations",
     ),
     Runs.MANY: Limit(500, "a sixth of the compilation time, up to 1.3 times the run time"),
-    Runs.CAMPAIGN: Limit(250, "unrolled stages: 3 times the compilation time, 1.8 times as fast"),
-    Runs.LARGE_CAMPAIGN: Limit(600, "a tenth slower"),
+    Runs.CAMPAIGN: Limit(250, "a third of the compilation time, 1.8 times the run time"),
+    Runs.LARGE_CAMPAIGN: Limit(600, "1.1 times the run time"),
 }
 """The rule, with its evidence; `accuracy_and_derivatives.md` has the same table."""
 
