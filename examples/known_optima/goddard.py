@@ -73,7 +73,7 @@ def search():
 
 def optimum(found):
     """The greatest height."""
-    return -float(found.criterion.objective)
+    return -float(found.objective)
 
 
 if __name__ == "__main__":

@@ -50,7 +50,7 @@ def search():
 
 def optimum(found):
     """The least time."""
-    return float(found.criterion.objective)
+    return float(found.objective)
 
 
 if __name__ == "__main__":

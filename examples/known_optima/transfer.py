@@ -76,7 +76,7 @@ def search():
 
 def optimum(found):
     """The velocity of both burns, in circular speeds of the low orbit."""
-    return float(found.criterion.objective)
+    return float(found.objective)
 
 
 if __name__ == "__main__":

@@ -278,10 +278,15 @@ class Top(AbstractSystem):
     def pseudo_potential_minimum(self, h_Z: Scalar, n: Scalar) -> Scalar:
         """The nutation angle, rad, at the only minimum of the pseudo-potential: that of the steady
         precession with these momenta, and of small nutations about it (Harrison and Nettleton
-        4.11); arguments as in `pseudo_potential`.
+        4.11).
 
-        Zero, with zero derivatives, for the upright top at and above its critical spin, and pi for
-        a hanging top."""
+        **Arguments**
+
+        - `h_Z`: angular momentum about the vertical, kg m^2/s.
+        - `n`: spin about the axis of the top, rad/s.
+
+        **Returns** the angle theta from the upward vertical, rad: zero, with zero derivatives, for
+        the upright top at and above its critical spin, and pi for a hanging top."""
         return pseudo_potential_minimum(*self._letters(), as_float(h_Z), as_float(n))
 
     def precession_moment(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:

@@ -128,7 +128,7 @@ def stop_reason(
 class Minimum(HashedModule):
     """The result of `minimise`.
 
-    - `x` and the `criterion` there.
+    - `x` and the `criterion` there; `objective`: the value of the objective there.
     - `multipliers`: lambda and nu at the positions of c and d, with 1 for f: grad f + lambda . grad
       c
       - nu . grad d = 0. For an infeasible problem they are meaningless weights of the search.
@@ -164,6 +164,11 @@ class Minimum(HashedModule):
     search: PyTree = None
     refused: Criterion | None = None
     tolerance: Float[Array, ""] | None = None
+
+    @property
+    def objective(self) -> Float[Array, ""]:
+        """The value of the objective at `x`."""
+        return self.criterion.objective
 
     def plot(self, title: str = "") -> Any:
         """A figure of the history, with matplotlib. Raises `ImportError` without it."""

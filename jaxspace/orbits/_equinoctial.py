@@ -32,7 +32,7 @@ from ..core.square_roots import inverse_sqrt, sqrt
 from ..core.squares import quotient
 from ..core.trigonometry import atan2, sincos_once
 from ..core.vectors import dot, norm
-from ._modified_equinoctial import ModifiedEquinoctialElements, orbit_axes, state_along
+from ._modified_equinoctial import ModifiedEquinoctialElements, norm_of, orbit_axes, state_along
 from .kepler import conic_flow
 
 
@@ -81,6 +81,22 @@ class EquinoctialElements(AbstractParameters):
         **Raises** `InputError` for a single parabola whose state is known."""
         elements = functools.partial(_of_state, retrograde)
         return in_blocks(elements, (1, 1, 0), position, velocity, mu)
+
+    @property
+    def eccentricity(self) -> Scalar:
+        """Eccentricity of the conic; its derivative is zero on a circle."""
+        return norm_of(self.k, self.h)
+
+    @property
+    def periapsis_radius(self) -> Scalar:
+        """Least distance from the centre on the whole conic, m."""
+        return self.semi_major_axis * (1.0 - self.eccentricity)
+
+    @property
+    def apoapsis_radius(self) -> Scalar:
+        """Greatest distance from the centre, m; infinite on an open orbit."""
+        a = self.semi_major_axis
+        return jnp.where(a > 0.0, a * (1.0 + self.eccentricity), jnp.inf)
 
     def state(self, mu: Scalar) -> tuple[Vector, Vector]:
         """Position, m, and velocity, m/s, each (3, *runs), for the parameter `mu`, m^3/s^2.

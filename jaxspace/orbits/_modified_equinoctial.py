@@ -33,8 +33,8 @@ from ..core.checks import is_concrete
 from ..core.squares import quotient
 from ..core.trigonometry import atan2, sincos_once
 from ..core.types import as_float
-from ..core.vectors import dot, scale, unit
-from .elements import constant_vectors
+from ..core.vectors import dot, norm, scale, unit
+from .elements import apoapsis_of_conic, axis_of_conic, constant_vectors
 
 
 @final
@@ -88,9 +88,34 @@ class ModifiedEquinoctialElements(AbstractParameters):
         elements = functools.partial(_of_state, retrograde)
         return in_blocks(elements, (1, 1, 0), position, velocity, mu)
 
+    @property
+    def eccentricity(self) -> Scalar:
+        """Eccentricity of the conic; its derivative is zero on a circle."""
+        return norm_of(self.f, self.g)
+
+    @property
+    def semi_major_axis(self) -> Scalar:
+        """Semi-major axis, m: negative for a hyperbola, infinite for the parabola."""
+        return axis_of_conic(self.semi_latus_rectum, self.eccentricity)
+
+    @property
+    def periapsis_radius(self) -> Scalar:
+        """Least distance from the centre on the whole conic, m."""
+        return self.semi_latus_rectum / (1.0 + self.eccentricity)
+
+    @property
+    def apoapsis_radius(self) -> Scalar:
+        """Greatest distance from the centre, m; infinite on an open orbit."""
+        return apoapsis_of_conic(self.semi_latus_rectum, self.eccentricity)
+
     def state(self, mu: Scalar) -> tuple[Vector, Vector]:
         """Position, m, and velocity, m/s, each (3, *runs), for the parameter `mu`, m^3/s^2."""
         return in_blocks(_state, (0, 0), self, mu)
+
+
+def norm_of(f: Scalar, g: Scalar) -> Scalar:
+    """The eccentricity from its components."""
+    return norm(jnp.stack(jnp.broadcast_arrays(f, g, jnp.zeros_like(f))))
 
 
 def _of_state(

@@ -187,11 +187,27 @@ def inclination(position: Vector, velocity: Vector) -> Scalar:
     return safe_atan2(norm(h * (1.0 - axis(2, h[2]))), h[2])
 
 
+def axis_of_conic(p: Scalar, e: Scalar) -> Scalar:
+    """The semi-major axis, m, from the semi-latus rectum, m, and the eccentricity: negative for a
+    hyperbola; infinite for the parabola, with the derivative zero."""
+    parabola = e == 1.0
+    e = jnp.where(parabola, 0.0, e)
+    return jnp.where(parabola, math.inf, quotient(p, (1.0 - e) * (1.0 + e)))
+
+
+def apoapsis_of_conic(p: Scalar, e: Scalar) -> Scalar:
+    """The radius of apoapsis, m, from the semi-latus rectum, m, and the eccentricity; infinite on
+    an open orbit, with the derivative zero."""
+    closed = e < 1.0
+    return jnp.where(closed, quotient(p, 1.0 - jnp.where(closed, e, 0.0)), math.inf)
+
+
 @final
 class ClassicalElements(AbstractParameters):
     """Six elements of a conic that is not a straight line.
 
-    Raises `InputError` for a true anomaly beyond the asymptotes of an open orbit."""
+    The semi-major axis and the distances of the apsides are properties. Raises `InputError` for a
+    true anomaly beyond the asymptotes of an open orbit."""
 
     semi_latus_rectum: NumberField = quantity(
         "m", positive=True, doc="a (1 - e^2), defined for every conic"
@@ -218,6 +234,22 @@ class ClassicalElements(AbstractParameters):
                 f,
                 f"within {np.min(limit):.6g} rad of the periapsis, where the asymptote is",
             )
+
+    @property
+    def semi_major_axis(self) -> Scalar:
+        """Semi-major axis p / (1 - e^2), m: negative for a hyperbola, infinite for the parabola."""
+        return axis_of_conic(self.semi_latus_rectum, self.eccentricity)
+
+    @property
+    def periapsis_radius(self) -> Scalar:
+        """Least distance from the centre on the whole conic, m."""
+        return self.semi_latus_rectum / (1.0 + self.eccentricity)
+
+    @property
+    def apoapsis_radius(self) -> Scalar:
+        """Greatest distance from the centre, m; infinite on an open orbit, with the derivative
+        zero."""
+        return apoapsis_of_conic(self.semi_latus_rectum, self.eccentricity)
 
     @classmethod
     def from_periapsis(

@@ -42,8 +42,9 @@ class DesignOptimum(HashedModule):
     seed: int = eqx.field(static=True)
 
     @property
-    def value(self) -> float:
-        """The objective on the runs of the search."""
+    def objective(self) -> float:
+        """The value of the objective on the runs of the search: the greatest of an objective to
+        maximise, without the sign of `criterion`."""
         return self.problem.sign * float(self.criterion.objective)
 
     @property
@@ -140,7 +141,7 @@ class DesignOptimum(HashedModule):
 
     def __repr__(self) -> str:
         problem = self.problem
-        rows = [(problem.objective.text(), f"{self.value:.6g}")]
+        rows = [(problem.objective.text(), f"{self.objective:.6g}")]
         for constraint, margin in zip(problem.constraints, self._margins, strict=True):
             # A margin is the distance from the limit, on the side that is allowed.
             sign = -1.0 if constraint.upper else 1.0

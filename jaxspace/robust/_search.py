@@ -113,7 +113,7 @@ def optimise_design(
     )
     optimum = DesignOptimum(minimum.x, start, minimum.criterion, minimum, problem, seed)
     # A start at which too many runs fail shows no way on: only the author can choose another.
-    if not math.isfinite(optimum.value) and int(minimum.steps) == 0:
+    if not math.isfinite(optimum.objective) and int(minimum.steps) == 0:
         failed = failures(optimum.runs)
         if failed:
             raise InputError(

@@ -22,6 +22,29 @@ def of_equinoctial(x):
     return o.EquinoctialElements(*x[:6]).state(x[6])
 
 
+def sizes(elements):
+    """Eccentricity, semi-major axis and apsides of elements."""
+    names = ("semi_major_axis", "periapsis_radius", "apoapsis_radius")
+    return tuple(getattr(elements, name)[None] for name in names)
+
+
+def classical_sizes(x):
+    """From the semi-latus rectum and the eccentricity."""
+    return sizes(o.ClassicalElements(x[0], x[1], 0.0, 0.0, 0.0, 0.0))
+
+
+def equinoctial_sizes(x):
+    """From the semi-major axis and the eccentricity vector."""
+    e = o.EquinoctialElements(x[0], x[1], x[2], 0.0, 0.0, 0.0)
+    return e.eccentricity[None], *sizes(e)
+
+
+def modified_sizes(x):
+    """From the semi-latus rectum and the eccentricity vector."""
+    e = o.ModifiedEquinoctialElements(x[0], x[1], x[2], 0.0, 0.0, 0.0)
+    return e.eccentricity[None], *sizes(e)
+
+
 def modified_equinoctial(x):
     """The elements from position, velocity and mu."""
     e = o.ModifiedEquinoctialElements.of_state(x[:3], x[3:6], x[6])
@@ -256,6 +279,8 @@ def _names(*names):
 POLAR = (1.0, 0.0, 1e-9, 0.0, 0.0, 1.0, 1.0)
 RETROGRADE = (1.0, 0.1, 0.0, 0.2, -1.0, 1e-3, 1.0)
 
+SIZES = ("semi_major_axis", "periapsis_radius", "apoapsis_radius")
+
 FORMS = (
     Form(
         equinoctial,
@@ -272,6 +297,21 @@ FORMS = (
             (1.0, 1e-9, 0.0, 1e-9, 0.0, 3.0, 1.0),
             (1.0, 0.6, 0.7, 0.0, 1.0, 2.0, 1.0),
         ],
+    ),
+    Form(
+        classical_sizes,
+        _names(*(f"ClassicalElements.{name}" for name in SIZES)),
+        [(1.0, 0.3), (1.0, 0.0), (1.0, 0.999), (1.0, 1.001), (1.0, 4.0)],
+    ),
+    Form(
+        equinoctial_sizes,
+        _names(*(f"EquinoctialElements.{name}" for name in ("eccentricity", *SIZES[1:]))),
+        [(1.0, 0.1, 0.2), (1.0, 1e-9, 0.0), (-1.0, 1.5, 0.5)],
+    ),
+    Form(
+        modified_sizes,
+        _names(*(f"ModifiedEquinoctialElements.{name}" for name in ("eccentricity", *SIZES))),
+        [(1.0, 0.1, 0.2), (1.0, 1e-9, 0.0), (1.0, 0.0, 0.999), (1.0, 1.5, 0.5)],
     ),
     Form(
         modified_equinoctial,

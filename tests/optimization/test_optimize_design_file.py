@@ -167,7 +167,7 @@ def test_every_statistic_of_a_file(tmp_path):
     found = load(path).optimize_design()
     margins = np.asarray(found.criterion.non_negative)
     assert np.all(np.abs(margins - exact) < tolerances)
-    np.testing.assert_allclose(found.value, 100.0 - 2.0 * 10.0, atol=0.05)
+    np.testing.assert_allclose(found.objective, 100.0 - 2.0 * 10.0, atol=0.05)
 
 
 @pytest.mark.parametrize(
@@ -191,7 +191,7 @@ at_least = 0.0
     path.write_text(text)
     seen = []
     found = load(path).optimize_design(progress=lambda *row: seen.append(row))
-    assert 50.0 < found.value < 90.0 and all(row[1] == found.value for row in seen)
+    assert 50.0 < found.objective < 90.0 and all(row[1] == found.objective for row in seen)
     assert words in repr(found) and "minus" not in repr(found)
     assert found.problem.outputs == ("final.velocity.0", "final.velocity.1")
     assert set(found.runs.outputs) == set(found.problem.outputs)

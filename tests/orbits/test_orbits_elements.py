@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaxspace.core import InputError
-from jaxspace.orbits import ClassicalElements
+from jaxspace.orbits import ClassicalElements, EquinoctialElements, ModifiedEquinoctialElements
 from jaxspace.orbits.elements import (
     angular_momentum,
     apoapsis_radius,
@@ -313,3 +313,36 @@ def test_the_constants_of_a_repulsive_centre():
     assert apoapsis_radius(r, v, mu) == np.inf
     with pytest.raises(InputError, match="mu is 0: it must be finite and not zero"):
         eccentricity_vector(r, v, 0.0)
+
+
+@pytest.mark.parametrize("e", [0.0, 0.3, 1.5])
+def test_the_sizes_of_elements_are_those_of_their_state(e):
+    """Of all three kinds, by the functions of the state, with finite derivatives at the circle."""
+    r, v = to_state(ClassicalElements(2.0, e, 0.4, 0.5, 0.6, 0.7), 1.0)
+    kinds = [
+        ClassicalElements(2.0, e, 0.4, 0.5, 0.6, 0.7),
+        EquinoctialElements.of_state(r, v, 1.0),
+        ModifiedEquinoctialElements.of_state(r, v, 1.0),
+    ]
+    expected = [f(r, v, 1.0) for f in (semi_major_axis, periapsis_radius, apoapsis_radius)]
+    for elements in kinds:
+        found = [elements.semi_major_axis, elements.periapsis_radius, elements.apoapsis_radius]
+        # Roundings of the state, which differences of its numbers increase.
+        np.testing.assert_allclose(found, expected, rtol=1e-14, atol=1e-14)
+        np.testing.assert_allclose(elements.eccentricity, e, atol=1e-15)
+
+
+def test_the_sizes_of_a_parabola():
+    """The derivative of an infinite size is zero."""
+    parabola = ClassicalElements(2.0, [1.0, 0.5], 0.0, 0.0, 0.0, 0.0)
+    np.testing.assert_allclose(parabola.semi_major_axis, [np.inf, 8.0 / 3.0])
+    np.testing.assert_allclose(parabola.periapsis_radius, [1.0, 4.0 / 3.0])
+    np.testing.assert_allclose(parabola.apoapsis_radius, [np.inf, 4.0])
+
+    def size(e):
+        elements = ClassicalElements(2.0, e, 0.0, 0.0, 0.0, 0.0)
+        return elements.semi_major_axis + elements.apoapsis_radius
+
+    assert jax.grad(size)(1.0) == 0.0
+    # d/de of p / (1 - e^2) + p / (1 - e).
+    np.testing.assert_allclose(jax.grad(size)(0.5), 2.0 * 0.5 * 2.0 / 0.75**2 + 2.0 / 0.25)

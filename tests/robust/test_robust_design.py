@@ -197,7 +197,7 @@ def test_optimum_of_a_linear_quadratic_problem(name):
     assert found.converged, found.sentence()
     # The kernel widens by half a percent; 1,024 Sobol points know mean and deviation to 0.1 %.
     np.testing.assert_allclose(found.x, 1.0 - 0.5 * k * SCATTER, atol=0.005)
-    np.testing.assert_allclose(found.value, k * SCATTER - (k * SCATTER) ** 2 / 4.0, atol=0.01)
+    np.testing.assert_allclose(found.objective, k * SCATTER - (k * SCATTER) ** 2 / 4.0, atol=0.01)
 
 
 def test_newsvendor():
@@ -280,7 +280,7 @@ def test_a_projectile_in_random_wind():
     ranges = np.array([range_of(float(found.x["speed"]), WIND * z) for z in nodes])
     mean = np.sum(weights * ranges) / np.sum(weights)
     # Sobol points know the mean of a smooth function far better than 1/sqrt(n).
-    np.testing.assert_allclose(-found.value, mean, rtol=1e-3)
+    np.testing.assert_allclose(-found.objective, mean, rtol=1e-3)
 
 
 @final
@@ -332,7 +332,7 @@ def test_a_search_turns_back_where_runs_fail():
 
     found = optimise_design(held, jnp.asarray(0.9), minimise=Mean("y"), runs=64, max_steps=12)
     # One of 64 Sobol points lies in the last 64th of the range.
-    assert 0.9 < float(found.x) < 1.0 / (0.8 * 63 / 64) and np.isfinite(found.value)
+    assert 0.9 < float(found.x) < 1.0 / (0.8 * 63 / 64) and np.isfinite(found.objective)
     assert int(found.minimum.left_out) > 0
     assert "for their designs more than a fraction of 0 of the runs fail" in repr(found)
     assert re.search(
@@ -435,7 +435,7 @@ def test_small_values_may_be_bad():
         mine, other = (
             s.measured(np.asarray(v), np.asarray(good)) for s, v in ((lower, x), (upper, -x))
         )
-        np.testing.assert_allclose(mine.value, -other.value, rtol=1e-14)
+        np.testing.assert_allclose(mine.objective, -other.objective, rtol=1e-14)
         np.testing.assert_allclose(mine.influence, -other.influence, rtol=1e-14)
     assert CVaR("y", 0.95, lower=True).text() == "mean of the lowest 5 % of y"
     assert Worst("y", lower=True).text() == "least y"
@@ -448,7 +448,9 @@ def test_small_values_may_be_bad():
         progress=lambda *row: seen.append(row),
     )
     np.testing.assert_allclose(found.x, 0.3, atol=1e-3)
-    assert found.value > 3.0 and found.converged and seen[-1][1] == pytest.approx(found.value)
+    assert (
+        found.objective > 3.0 and found.converged and seen[-1][1] == pytest.approx(found.objective)
+    )
     assert "5 % quantile of y" in repr(found)
     with pytest.raises(InputError, match="one of minimise and maximise"):
         optimise_design(own, jnp.asarray(0.9))

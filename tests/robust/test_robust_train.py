@@ -56,7 +56,7 @@ def test_the_gains_of_a_law_are_its_hermite_coefficients():
     np.testing.assert_allclose(found.x["gains"], exact, atol=0.02)
     # E[exp(w)] - sum a_k^2 k!, which the sample of the result knows to a few percent.
     least = math.exp(0.5) - sum(a * a * math.factorial(k) for k, a in enumerate(exact))
-    np.testing.assert_allclose(found.value, least, rtol=0.5)
+    np.testing.assert_allclose(found.objective, least, rtol=0.5)
     assert found.without_influence == () and "gains" in repr(found)
 
 
@@ -96,7 +96,7 @@ def test_why_a_search_ends():
     # The slope is 1, and three steps of a tenth go there.
     np.testing.assert_allclose(short.x, 0.3, rtol=1e-6)
     # A sample of its own has the mean 0.3 to a hundredth, in the sign of the output.
-    np.testing.assert_allclose(short.value, 0.3, atol=0.05)
+    np.testing.assert_allclose(short.objective, 0.3, atol=0.05)
     assert short.minimum.history.shape == (3, 3)
 
     def interrupt(step, objective, violation, gradient):
