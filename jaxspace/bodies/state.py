@@ -6,10 +6,12 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, TypeAlias, final
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from ..core import InputError, State, quantity
 from ..core.checks import check_positive
+from ..core.field_types import shown
 from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.shapes import check_components
@@ -32,9 +34,11 @@ else:
 
 
 def as_part(x: object) -> Any:
-    """Plain numbers as an array; anything else unchanged, because a state is also built from batch
-    axes, which are integers, and from shapes."""
-    return as_float(x) if isinstance(x, float | list | tuple) else x
+    """Plain numbers, and arrays of whole ones, as an array of floats; anything else unchanged,
+    because a state is also built from batch axes, which are integers, and from shapes."""
+    plain = isinstance(x, float | list | tuple)
+    whole = isinstance(x, np.ndarray | np.generic | Array) and x.dtype.kind in "iu"
+    return as_float(x) if plain or whole else x
 
 
 @final
@@ -74,6 +78,11 @@ class BodyState(HashedModule):
             check_components(f"BodyState.{name}", getattr(self, name), 3)
         if isinstance(self.attitude, Quaternion):
             check_components("BodyState.attitude", self.attitude.wxyz, 4)
+        elif isinstance(self.attitude, Array | np.ndarray):
+            raise InputError(
+                f"BodyState.attitude is {shown(self.attitude)}: it must be a Quaternion, such as "
+                "Quaternion([w, x, y, z]) or rotations.from_euler_angles(angles)."
+            )
 
     def check_start(self) -> None:
         """Raise `InputError` for concrete numbers that no initial state can have: a mass that is

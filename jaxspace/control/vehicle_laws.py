@@ -33,6 +33,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ..core import NumberField, OptionalNumberField, Scalar, Vector, quantity
+from ..core.formula import POSITIVE, formula
 from ..core.shapes import with_rank
 from ..core.vectors import dot, norm, unit
 from ._controller import AbstractController, measurement
@@ -40,6 +41,7 @@ from ._integral import Integral, integrated, integrating, unwound
 from .attitude_laws import error_vector
 
 
+@formula(drag=POSITIVE, gravity=POSITIVE)
 def drag_apogee(height: Scalar, climb: Scalar, drag: Scalar, gravity: Scalar) -> Scalar:
     """Apogee, m, of a vertical flight against gravity and a drag by the square of the speed.
 

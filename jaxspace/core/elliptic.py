@@ -22,6 +22,7 @@ import math
 import jax
 import jax.numpy as jnp
 
+from ._lists import takes_lists
 from .square_roots import sqrt
 from .types import Scalar
 
@@ -30,6 +31,7 @@ from .types import Scalar
 STEPS = 11
 
 
+@takes_lists
 def complete_elliptic(complement: Scalar) -> Scalar:
     """K, 1, from the complement k'^2 = 1 - k^2 within [0, 1]; infinite, with a derivative of zero,
     at zero."""
@@ -49,6 +51,7 @@ def _mean(a: Scalar, b: Scalar) -> Scalar:
     return jax.lax.fori_loop(0, STEPS, step, (a, b))[0]
 
 
+@takes_lists
 def complete_first(total: Scalar, product: Scalar) -> Scalar:
     """R_F(0, y, z), from two symmetric functions of its arguments.
 
@@ -64,6 +67,7 @@ def complete_first(total: Scalar, product: Scalar) -> Scalar:
     return 0.5 * math.pi / _mean(0.5 * total, jnp.sqrt(product))
 
 
+@takes_lists
 def complete_third(total: Scalar, product: Scalar, p: Scalar) -> Scalar:
     """R_J(0, y, z, p).
 

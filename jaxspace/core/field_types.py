@@ -183,6 +183,8 @@ def check_kind(name: str, value: object, annotation: object) -> None:
 
 def shown(value: object) -> str:
     """A wrong value in the form of messages: the value if it is short, or its type."""
+    if isinstance(value, jax.Array | np.ndarray):
+        return f"an array of the shape {value.shape} and the type {value.dtype}"
     plain = isinstance(value, str | bytes | numbers.Number | list | tuple | types.NoneType)
     text = " ".join(repr(value).split()) if plain else ""
     return text if plain and len(text) <= SHOWN else f"of type {type(value).__name__}"

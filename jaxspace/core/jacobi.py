@@ -40,6 +40,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from ._lists import takes_lists
 from .barrier import barrier
 from .printing import printed
 from .square_roots import sqrt
@@ -66,6 +67,7 @@ class Jacobi(NamedTuple):
     "K/N, s; 1 where the motion never returns."
 
 
+@takes_lists
 def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
     """S, c and d of a time.
 
@@ -115,6 +117,7 @@ def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
     return Jacobi(s, c, d, time, half_periods, quarter)
 
 
+@takes_lists
 def third(s: Scalar, c: Scalar, d: Scalar, p: Scalar, weight: Scalar) -> Scalar:
     """The third integral, rad, within a quarter period.
 

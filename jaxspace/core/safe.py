@@ -28,11 +28,13 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
+from ._lists import takes_lists
 from .square_roots import inverse_sqrt, sqrt
 from .trigonometry import atan2
 from .types import Scalar
 
 
+@takes_lists
 @jax.custom_jvp
 def safe_sqrt(x: Scalar) -> Scalar:
     """Square root, with derivative zero instead of infinity at x = 0; NaN for negative x."""
@@ -48,6 +50,7 @@ def _safe_sqrt_rule(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Sc
     return safe_sqrt(x), jnp.where(zero, 0.0, 0.5 * inverse_sqrt(jnp.where(zero, 1.0, x))) * dx
 
 
+@takes_lists
 def times_slope(slope: Scalar, tangent: Scalar) -> Scalar:
     """slope * tangent for derivative rules, where an infinite slope times zero is zero.
 
@@ -63,6 +66,7 @@ def times_slope(slope: Scalar, tangent: Scalar) -> Scalar:
     return (tangent * first) * jnp.where(endless, greatest, 1.0)
 
 
+@takes_lists
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def end_sqrt(radicand: Callable[..., Scalar], *args: Scalar) -> Scalar:
     """sqrt(radicand(*args)) at the end of a range; NaN for a negative radicand.
@@ -95,6 +99,7 @@ def _end_sqrt_tangent(radicand, args, tangents):
     return jnp.where(end, 0.0, sqrt(x)), total
 
 
+@takes_lists
 @jax.custom_jvp
 def safe_divide(a: Scalar, b: Scalar) -> Scalar:
     """Quotient a / b, with 0 where b = 0.
@@ -116,6 +121,7 @@ def _safe_divide_rule(
     return q, safe_divide(1.0, b) * (da - q * db)
 
 
+@takes_lists
 def safe_atan2(y: Scalar, x: Scalar) -> Scalar:
     """Angle of the point (x, y), rad; value and derivative are zero at the origin, where the angle
     is undefined.
@@ -127,6 +133,7 @@ def safe_atan2(y: Scalar, x: Scalar) -> Scalar:
     return jnp.where(origin, 0.0, atan2(y, jnp.where(origin, 1.0, x)))
 
 
+@takes_lists
 def phi1(x: Scalar) -> Scalar:
     """(e^x - 1) / x, with its series about x = 0, so that every derivative is valid there, too."""
     # The derivative of the quotient loses 1/x of a rounding.
@@ -139,6 +146,7 @@ def phi1(x: Scalar) -> Scalar:
     return jnp.where(small, series, jnp.expm1(x) / jnp.where(small, 1.0, x))
 
 
+@takes_lists
 def phi2(x: Scalar) -> Scalar:
     """(e^x - 1 - x) / x^2, with a series about x = 0, as `phi1`."""
     # Farther out than in `phi1`: beyond it two differences are taken, each of which costs digits.
@@ -152,6 +160,7 @@ def phi2(x: Scalar) -> Scalar:
     return jnp.where(small, 0.5 * series, (jnp.expm1(far) / far - 1.0) / far)
 
 
+@takes_lists
 def sinc_squared(z: Scalar) -> Scalar:
     """sin(sqrt(z)) / sqrt(z), analytic in z: hyperbolic for z < 0, a series near z = 0."""
     small = jnp.abs(z) < 0.1

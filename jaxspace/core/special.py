@@ -17,6 +17,7 @@ import math
 import jax
 import jax.numpy as jnp
 
+from ._lists import takes_lists
 from .barrier import barrier
 from .square_roots import sqrt
 from .types import Scalar
@@ -27,6 +28,7 @@ _SMALL = math.pi**2
 
 
 # Jitted, so that many calls in a program share one traced function.
+@takes_lists
 @jax.jit
 def stumpff(z: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """The Stumpff functions c2 to c5; c0 = 1 - z c2 and c1 = 1 - z c3.
@@ -49,6 +51,7 @@ def stumpff(z: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     return c2, c3, c4, c5
 
 
+@takes_lists
 def stumpff_near(z: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """c2 to c5 for |z| <= pi^2: the series at z/16, then the argument quadrupled twice."""
     w = z * 0.0625

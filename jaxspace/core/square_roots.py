@@ -22,12 +22,14 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 from jaxtyping import Array
 
+from ._lists import takes_lists
 from .types import Scalar
 
 sqrt_p = Primitive("square_root")
 inverse_sqrt_p = Primitive("inverse_sqrt")
 
 
+@takes_lists
 def sqrt(x: Scalar) -> Scalar:
     """The square root, which may also be divided by; NaN of a negative number.
 
@@ -39,6 +41,7 @@ def sqrt(x: Scalar) -> Scalar:
     return sqrt_p.bind(_number(x))
 
 
+@takes_lists
 def inverse_sqrt(x: Scalar, power: int = 1) -> Scalar:
     """1 / sqrt(x)^power.
 

@@ -30,6 +30,7 @@ from jax import lax
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
+from ._lists import takes_lists
 from ._system import AbstractSystem
 from .checks import InputError, check, check_finite, is_concrete
 from .field_types import check_types
@@ -39,6 +40,7 @@ from .structure import HashedModule
 from .types import Scalar, as_float
 
 
+@takes_lists
 @jax.custom_jvp
 def within(x: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
     """`x`, but at least `low` and at most `high`. At either end the slope is the mean of those of
@@ -64,6 +66,7 @@ def _within_rule(
     return within(x, low, high), functools.reduce(jnp.add, moves)
 
 
+@takes_lists
 def polygon(
     x: Scalar, nodes: Float[Array, "nodes *#runs"], values: Float[Array, "nodes *#runs"]
 ) -> Scalar:

@@ -27,6 +27,7 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
+from ._lists import takes_lists
 from .barrier import barrier
 from .safe import safe_divide
 from .shapes import check_components, with_rank
@@ -37,6 +38,7 @@ from .types import Matrix, Scalar, Vector
 Tangent: TypeAlias = Array | SymbolicZero
 
 
+@takes_lists
 @jax.custom_jvp
 def dot(a: Vector, b: Vector) -> Scalar:
     """Scalar product a . b.
@@ -70,6 +72,7 @@ def _dot_rule(
     return dot(*primals), jnp.sum(functools.reduce(jnp.add, products), axis=0)
 
 
+@takes_lists
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
 def inverse_norm(a: Vector, power: int = 1) -> Scalar:
     """1 / |a|^power.
@@ -108,6 +111,7 @@ def _relative_change(a: Vector, da: Vector) -> Scalar:
     return inverse_norm(a, 2) * barrier(jnp.sum(a * da, axis=0))
 
 
+@takes_lists
 @functools.partial(jax.custom_jvp, nondiff_argnums=(2,))
 def over_norm(scalar: Scalar, a: Vector, power: int = 1) -> Scalar:
     """scalar / |a|^power, where 1 / |a|^power by itself may leave the range of float32: for the
@@ -136,6 +140,7 @@ def _over_norm_rule(
     return q, over_norm(d_scalar, a, power) + bend
 
 
+@takes_lists
 @jax.custom_jvp
 def scale(scalar: Scalar, a: Vector) -> Vector:
     """Scalar times vector.
@@ -167,6 +172,7 @@ def _scale_rule(
     return scale(scalar, a), functools.reduce(jnp.add, parts)
 
 
+@takes_lists
 def cross(a: Vector, b: Vector) -> Vector:
     """Vector product a x b.
 
@@ -182,6 +188,7 @@ def cross(a: Vector, b: Vector) -> Vector:
     return jnp.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
+@takes_lists
 def components(a: Array) -> list[Scalar]:
     """The components of a vector, (n, *runs), each (*runs,).
 
@@ -191,6 +198,7 @@ def components(a: Array) -> list[Scalar]:
     return [jnp.squeeze(x, 0) for x in jax.lax.split(a, (1,) * a.shape[0])]
 
 
+@takes_lists
 @jax.custom_jvp
 def norm(a: Vector) -> Scalar:
     """Length |a|; at a = 0 the derivative is zero, the mean of the one-sided ones, and never NaN.
@@ -217,6 +225,7 @@ def _norm_rule(primals: tuple[Vector], tangents: tuple[Vector]) -> tuple[Scalar,
     return length, per_length * jnp.sum(a * da, axis=0)
 
 
+@takes_lists
 @jax.custom_jvp
 def unit(a: Vector) -> Vector:
     """Direction a / |a|; the zero vector stays zero.
@@ -246,6 +255,7 @@ def identity(rank: int) -> Matrix:
     return with_rank(jnp.where(jnp.eye(3, dtype=bool), 1.0, 0.0), rank, axes=2)
 
 
+@takes_lists
 def matvec(m: Matrix, a: Vector) -> Vector:
     """Matrix times vector, m a; one matrix may meet many vectors.
 
@@ -261,6 +271,7 @@ def matvec(m: Matrix, a: Vector) -> Vector:
     return m[:, 0] * a[0] + m[:, 1] * a[1] + m[:, 2] * a[2]
 
 
+@takes_lists
 def solve3(m: Matrix, b: Vector) -> Vector:
     """The solution x of m x = b for a regular 3 x 3 matrix, by cofactors (Cramer's rule).
 

@@ -48,6 +48,7 @@ def residual_tests(r: Float[Array, "..."], seen: Bool[Array, "..."]) -> Residual
 
     - `r`: residuals over their standard deviations, times on the last axis.
     - `seen`: whether each reading is used."""
+    r, seen = jnp.asarray(r), jnp.asarray(seen)
     r, seen = r.reshape(-1, r.shape[-1]), seen.reshape(-1, r.shape[-1])
     weight = seen.astype(r.dtype)
     m = jnp.sum(weight)

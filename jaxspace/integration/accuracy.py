@@ -214,14 +214,16 @@ def state_dtype(y: PyTree) -> jnp.dtype:
 
 
 def as_state(y0: PyTree) -> PyTree:
-    """The state with its plain numbers as arrays, in the precision of its other arrays.
+    """The state with its plain numbers and arrays of integers as arrays of floats, in the precision
+    of its other arrays.
 
     No array is weakly typed. `jnp.asarray(1.0)` is, and the end of a run is not: a run that starts
     there would be compiled again."""
 
     def is_plain(x: object) -> bool:
-        number = isinstance(x, float | int | np.number) and not isinstance(x, bool)
-        return number or getattr(x, "weak_type", False)
+        if isinstance(x, Array | np.ndarray):
+            return getattr(x, "weak_type", False) or jnp.issubdtype(x.dtype, jnp.integer)
+        return isinstance(x, float | int | np.number) and not isinstance(x, bool)
 
     leaves = jax.tree.leaves(y0)
     if not any(map(is_plain, leaves)):
