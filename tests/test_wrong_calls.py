@@ -164,7 +164,7 @@ def test_an_array_without_an_axis_of_runs_is_named():
         (lambda: simulate(KEPLER, jnp.ones(6), SPAN), r"which contains an array \(6,\)"),
         (
             lambda: simulate(custom(lambda t, y, body: None), Y, SPAN),
-            "Custom.function returns NoneType: it must return a Load",
+            "Custom.function returns nothing: it must return a Load",
         ),
         (
             lambda: simulate(custom(lambda t, y, body: -y.position), Y, SPAN),

@@ -9,6 +9,7 @@ import jax
 from jaxtyping import PyTree
 
 from ..core import AbstractParameters, InputError, Scalar
+from ..core.user_functions import user_function
 
 
 class AbstractController(AbstractParameters):
@@ -52,7 +53,8 @@ class Feedback(AbstractController):
 
     def act(self, t: Scalar, memory: PyTree, measured: PyTree) -> tuple[PyTree, PyTree]:
         arguments = (measured,) if _arguments(self.function) == 1 else (t, measured)
-        return self.function(*arguments), memory
+        with user_function("Feedback.function"):
+            return self.function(*arguments), memory
 
 
 def _arguments(function: Callable[..., object]) -> int:

@@ -27,6 +27,7 @@ from jaxtyping import Array, Float, Key, PyTree
 
 from ..core import AbstractParameters, InputError, Scalar, State, Vector, quantity
 from ..core.shapes import with_rank
+from ..core.user_functions import user_function
 from ..rotations import Quaternion
 from .commands import clipped, rounded
 
@@ -116,7 +117,8 @@ class Sensor(AbstractSensor):
     def truth(self, t: Scalar, y: State) -> Array:
         """The true value of the measured quantity."""
         if callable(self.reads):
-            return self.reads(t, y)
+            with user_function("Sensor.reads"):
+                return self.reads(t, y)
         part = getattr(y, self.reads, None)
         part = y.part(self.reads) if part is None else part
         return part.wxyz if isinstance(part, Quaternion) else part

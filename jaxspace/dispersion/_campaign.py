@@ -14,6 +14,7 @@ from ..core import InputError, State
 from ..core.checks import check_finite
 from ..core.quantities import Quantity
 from ..core.types import as_float
+from ..core.user_functions import user_function
 from ..integration.accuracy import Accuracy
 from ..sampling.designs import AbstractDesign, draw
 from ..sampling.distributions import AbstractDistribution
@@ -159,7 +160,8 @@ class Campaign(AbstractCampaign):
         Raises `InputError` if `build` reads an unknown input, does not return a mission and a
         state, or does not use the inputs."""
         try:
-            built = self.build(samples)
+            with user_function("Campaign.build"):
+                built = self.build(samples)
         except KeyError as error:
             name = error.args[0] if error.args else None
             # From a dict other than the inputs, such as a user-defined table.

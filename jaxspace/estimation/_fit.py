@@ -33,6 +33,7 @@ from ..core.checks import is_concrete
 from ..core.jit import compiled, quick_jit
 from ..core.square_roots import sqrt
 from ..core.status import sentence_alone
+from ..core.user_functions import user_function
 from ..studies.coordinates import Coordinates
 from ._fit_result import Fit
 from ._residuals import residual_tests
@@ -106,7 +107,7 @@ def fit(
 
     every = compiled(jax.vmap(one, in_axes=-1, out_axes=-1)) if batch else one
     # A run of the model may fail, which shows when its numbers are there.
-    with sentence_alone():
+    with sentence_alone(), user_function("model"):
         return jax.block_until_ready(every(data, parameters))
 
 

@@ -10,6 +10,7 @@ from jaxtyping import PyTree
 
 from ..core import InputError
 from ..core.checks import is_concrete
+from ..core.user_functions import user_function
 from ._criterion import Criterion, Point
 
 
@@ -36,9 +37,13 @@ def shapes_of(problem: Callable[[Point], Criterion], start: Point) -> Criterion:
     """The shapes of the values that the problem returns. Raises `InputError` where it is not a
     `Criterion`."""
     # A function, which has a name: of any other callable jax would print the whole content.
-    returned = jax.eval_shape(lambda x: problem(x), start)
+    with user_function("problem"):
+        returned = jax.eval_shape(lambda x: problem(x), start)
     if not isinstance(returned, Criterion):
-        raise InputError(f"problem returns {_kind(returned)}: it must return a Criterion.")
+        raise InputError(
+            f"problem returns {_kind(returned)}: it must return a Criterion, such as "
+            "Criterion(objective) or Criterion(objective, equal_zero=..., non_negative=...)."
+        )
     for name in ("objective", "equal_zero", "non_negative"):
         part = getattr(returned, name)
         if part is None and name != "objective":

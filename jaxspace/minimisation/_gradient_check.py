@@ -14,7 +14,7 @@ and D(h/2) then differ by a large part of themselves. Such a difference judges n
 check is repeated with a hundredth of h, up to four times.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
@@ -157,11 +157,39 @@ def _slopes(values: Array, p: Probes) -> tuple[Array, Array, Array]:
     return (4.0 * fine - coarse) / 3.0, jnp.abs(fine - coarse), h
 
 
-def refuse(error: float, what: str = "the objective", unread: Sequence[str] = ()) -> None:
+def has_kink(
+    values: Callable[[Float[Array, " n"]], Float[Array, " rows"]],
+    z: Float[Array, " n"],
+    low: Float[Array, " n"],
+    high: Float[Array, " n"],
+    row: int,
+) -> bool:
+    """Whether the slope of a row of `values` jumps at the scaled unknowns `z`, within the distance
+    of the probes: whether its differences on both sides disagree.
+
+    False for unknowns close to a bound, beyond which there is no value."""
+    h = float(jnp.finfo(z.dtype).eps) ** 0.2
+    d = jnp.asarray(np.cos(2.4 * np.arange(z.size) + 1.0), z.dtype)
+    if not bool(jnp.all((z - 2.0 * h > low) & (z + 2.0 * h < high))):
+        return False
+    far_below, below, at, above, far_above = (
+        float(values(z + share * h * d)[row]) for share in (-1.0, -0.5, 0.0, 0.5, 1.0)
+    )
+    forward, backward = 4.0 * above - far_above - 3.0 * at, far_below + 3.0 * at - 4.0 * below
+    return abs(forward - backward) > VARIES * max(abs(forward), abs(backward))
+
+
+def refuse(
+    error: float,
+    what: str = "the objective",
+    unread: Sequence[str] = (),
+    kink: Callable[[], bool] = lambda: False,
+) -> None:
     """Raise `InputError` for a gradient of `what` that differs from finite differences by this
     relative `error`.
 
-    - `unread`: the unknowns by which its derivative is exactly zero."""
+    - `unread`: the unknowns by which its derivative is exactly zero.
+    - `kink`: returns whether its slope jumps at the start."""
     if error <= GRADIENT_TOLERANCE:
         return
     if unread:
@@ -170,11 +198,19 @@ def refuse(error: float, what: str = "the objective", unread: Sequence[str] = ()
             f"its derivative with respect to {some} is exactly zero: if {what} depends on it, "
             "jax.lax.stop_gradient, a rounding, an integer or a comparison has cut the derivative"
         )
+    elif kink():
+        cause = (
+            f"{what} has a kink or a jump within the distance of the differences, such as by abs, "
+            "jnp.maximum, jnp.clip or a limit inside of problem; start away from it, or pass a limit "
+            "of an unknown as bounds= and another limit as a constraint"
+        )
     else:
         cause = (
-            "the likely cause is a control with kinks that are not declared as breaks; make it a "
+            f"{what} is smooth there, so that part of its derivative is missing or wrong: by "
+            "jax.lax.stop_gradient, a rounding, a custom derivative rule, or, in a simulation, a "
+            "control with kinks that are not declared as breaks. Make such a control a "
             "jaxspace.core.Table or Spline, let the system declare its breaks(), or use finer "
-            "steps. A jump of the objective or a wrong custom derivative rule has the same effect"
+            "steps"
         )
     raise InputError(
         f"The gradient at the start differs from finite differences of {what} by a relative "

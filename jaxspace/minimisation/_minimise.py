@@ -24,7 +24,7 @@ from ._bounds import as_bounds
 from ._criterion import Criterion, Minimum, Point, StopReason, worst_number
 from ._drive import Progress
 from ._entry import as_point, check_scale, check_steps
-from ._gradient_check import refuse
+from ._gradient_check import has_kink, refuse
 from ._scaling import scaled_problem
 from ._search import FORWARD_RATIO, search
 from .optimiser import SQP, Optimiser, check_optimiser
@@ -122,7 +122,13 @@ def minimise(
             forward_ratio,
         )
     if check_gradient and not is_traced(minimum.gradient_error):
-        refuse(float(minimum.gradient_error), worst_number(minimum), minimum.unread)
+
+        def kink() -> bool:
+            row = int(minimum.search.worst)
+            numbers = lambda z: scaled.numbers(z)[0]  # noqa: E731
+            return has_kink(numbers, scaled.start, scaled.low, scaled.high, row)
+
+        refuse(float(minimum.gradient_error), worst_number(minimum), minimum.unread, kink)
     return minimum
 
 

@@ -1,6 +1,7 @@
 """Any function as an effect."""
 
 import dataclasses
+import inspect
 from collections.abc import Callable, Iterable
 from typing import final
 
@@ -14,6 +15,7 @@ from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import InputError, Scalar, quantity
 from ..core.jit import quick_jit
 from ..core.shapes import check_components
+from ..core.user_functions import user_function
 from ..core.vectors import dot, norm
 
 # Quantities that an effect may conserve.
@@ -28,6 +30,28 @@ def _as_conserved(x: object) -> frozenset[str]:
     if names is None or not all(isinstance(name, str) for name in names):
         raise InputError(f"Custom.keeps is {x!r}: it must be a set of names, such as {{'energy'}}.")
     return frozenset(names)
+
+
+def _check_arguments(function: object) -> None:
+    """Raise `InputError` for a function that cannot be called with (t, y, body)."""
+    # Of other callables nothing is asked but to be called.
+    if not inspect.isfunction(function):
+        return
+    signature = inspect.signature(function)
+    try:
+        signature.bind(None, None, None)
+    except TypeError:
+        raise InputError(
+            f"Custom.function has the arguments {signature}: it must accept (t, y, body), the time "
+            "in s, the BodyState and the body, and return a Load, such as "
+            "lambda t, y, body: Load(force_N=-k * y.position)."
+        ) from None
+
+
+def _kind(x: object) -> str:
+    if isinstance(x, jax.Array | np.ndarray):
+        return f"an array of the shape {x.shape}"
+    return "nothing" if x is None else f"an object of type {type(x).__name__}"
 
 
 def _check_vector(name: str, value: object) -> None:
@@ -69,6 +93,7 @@ class Custom(AbstractEffect):
     )
 
     def __check_init__(self):
+        _check_arguments(self.function)
         unknown = sorted(self.keeps - set(KEPT))
         # Checked, because a misspelt word would otherwise be ignored.
         if unknown:
@@ -80,17 +105,20 @@ class Custom(AbstractEffect):
             )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
-        load = self.function(t, y, body)
+        with user_function("Custom.function"):
+            load = self.function(t, y, body)
         if not isinstance(load, Load):
             raise InputError(
-                f"Custom.function returns {type(load).__name__}: it must return a Load."
+                f"Custom.function returns {_kind(load)}: it must return a Load, such as "
+                "Load(force_N=...), Load(acceleration_N=...) or Load(torque_B=...)."
             )
         for field in VECTORS:
             _check_vector(f"Custom.function: Load.{field}", getattr(load, field))
         return load
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:
-        return None if self.energy is None else self.energy(t, y, body)
+        with user_function("Custom.energy"):
+            return None if self.energy is None else self.energy(t, y, body)
 
     def check_energy(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         """Raise `InputError` where the load does not do the work that the energy gives.

@@ -24,6 +24,7 @@ from ..core import InputError, Scalar
 from ..core.layout import run_axes_of
 from ..core.structure import once_per_structure
 from ..core.tracing import depending_on
+from ..core.user_functions import user_function
 
 TRANSLATION = frozenset({"position", "velocity"})
 ROTATION = frozenset({"attitude", "omega"})
@@ -229,7 +230,8 @@ def _alone(
             # Distinct numbers: the initial value of a part differs from the value read by a load.
             started = jax.tree.map(lambda x: jnp.zeros(jnp.shape(x), jnp.result_type(x)), started)
             state = dataclasses.replace(state, parts={**own, **started} or None)
-            load = effect.load(t, state, body)
+            with user_function(f"{type(effect).__name__}.load"):
+                load = effect.load(t, state, body)
             # A rate is of the same kind as the state itself.
             rate = effect.constrained(t, state, state)
         # Any error for a part that is absent.

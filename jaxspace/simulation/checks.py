@@ -17,6 +17,7 @@ from ..core.checks import check_finite, is_concrete
 from ..core.layout import run_axes_of
 from ..core.structure import once_per_structure
 from ..core.tracing import is_traced
+from ..core.user_functions import reason_of
 from ..integration.accuracy import Accuracy, state_dtype
 from ..integration.events import Event
 from ..integration.field_trace import field_trace
@@ -129,8 +130,7 @@ def shapes_after(
     # A jump may raise anything for a state of another kind; its words are quoted.
     except Exception as error:
         raise InputError(
-            f"{name} fails for the time and a state with {_held(y)}: "
-            f"{type(error).__name__}: {first_line(error)}"
+            f"{name} fails for the time and a state with {_held(y)}: {reason_of(error)}"
         ) from error
     leaves = jax.tree.leaves(after)
     if not leaves or not all(isinstance(leaf, jax.ShapeDtypeStruct) for leaf in leaves):
@@ -180,7 +180,7 @@ def check_structure(
         )
         raise InputError(
             f"{type(system).__name__}.vector_field fails for y0, which contains {_held(y0)}: "
-            f"{type(error).__name__}: {first_line(error)}{cure}"
+            f"{reason_of(error)}{cure}"
         ) from error
     raise InputError(
         f"y0 contains {_held(y0)}, and {type(system).__name__}.vector_field returns "
@@ -319,7 +319,7 @@ def _check_events(
         except Exception as error:
             raise InputError(
                 f"{what} fails for the time and the state of {type(system).__name__}: "
-                f"{type(error).__name__}: {first_line(error)}"
+                f"{reason_of(error)}"
             ) from error
         shape = getattr(value, "shape", type(value).__name__)
         if shape != runs:
@@ -331,8 +331,3 @@ def _check_events(
                 f"zero, such as the difference of two sides of a comparison."
             )
         check_jump(event, t, y, name)
-
-
-def first_line(error: Exception) -> str:
-    """The first line of the text of an error, for a one-line message."""
-    return (str(error).splitlines() or [""])[0]

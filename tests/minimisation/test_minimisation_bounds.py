@@ -125,6 +125,26 @@ def test_a_gradient_that_is_cut_is_said_to_be(objective, named):
         minimise(lambda x: Criterion(objective(x)), jnp.array([1.0, 2.0]))
 
 
+def test_a_kink_at_the_start_is_the_reason():
+    """One that only the farther differences pass is none."""
+    with pytest.raises(
+        InputError, match="the objective has a kink or a jump within .* pass a limit of an unknown"
+    ):
+        minimise(lambda x: Criterion(jnp.abs(x[0] - 1.0) + x[1] ** 2), jnp.array([1.0, 2.0]))
+    found = minimise(
+        lambda x: Criterion((jnp.minimum(x[0], 1.0001) - 0.5) ** 2 + x[1] ** 2), jnp.ones(2)
+    )
+    assert found.converged and float(found.objective) < 1e-12
+
+
+def test_a_derivative_that_is_cut_in_part_is_the_reason():
+    with pytest.raises(InputError, match="is smooth there, so that part of its derivative is miss"):
+        minimise(
+            lambda x: Criterion(x[0] ** 2 + 0.1 * x[1] * jax.lax.stop_gradient(x[0])),
+            jnp.array([1.0, 2.0]),
+        )
+
+
 def test_a_search_that_ends_at_the_rounding_of_its_objective_says_so():
     """The gradient has an error of fixed size, as that of a sum of large terms that cancel."""
 
