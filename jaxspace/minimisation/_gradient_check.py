@@ -167,7 +167,7 @@ def has_kink(
     """Whether the slope of a row of `values` jumps at the scaled unknowns `z`, within the distance
     of the probes: whether its differences on both sides disagree.
 
-    False for unknowns close to a bound, beyond which there is no value."""
+    False for unknowns close to a bound, beyond which nothing is evaluated."""
     h = float(jnp.finfo(z.dtype).eps) ** 0.2
     d = jnp.asarray(np.cos(2.4 * np.arange(z.size) + 1.0), z.dtype)
     if not bool(jnp.all((z - 2.0 * h > low) & (z + 2.0 * h < high))):
