@@ -201,8 +201,8 @@ def refuse(
     elif kink():
         cause = (
             f"{what} has a kink or a jump within the distance of the differences, such as by abs, "
-            "jnp.maximum, jnp.clip or a limit inside of problem; start away from it, or pass a limit "
-            "of an unknown as bounds= and another limit as a constraint"
+            "jnp.maximum, jnp.clip or a limit inside of problem; start away from it, or pass a "
+            "limit of an unknown as bounds= and another limit as a constraint"
         )
     else:
         cause = (
