@@ -274,8 +274,9 @@ def _times(result: Dispersion, whole: float) -> str:
     computing = max(result.seconds - ahead, 1e-9)
     use = 100.0 * result.utilisation
     return (
-        f"{whole:.1f} s in all: {ahead:.1f} s to compile and to start, {computing:.1f} s for the "
-        f"runs ({result.runs / computing:.0f} runs/s, {use:.0f} % of {result.cores} cores)"
+        f"{whole:.1f} s in total, with the nominal run, the statistics and the figures. The runs "
+        f"took {computing:.1f} s ({result.runs / computing:.0f} runs/s, {use:.0f} % of "
+        f"{result.cores} cores), after {ahead:.1f} s for compilation and start-up."
     )
 
 

@@ -70,9 +70,7 @@ _SENTENCES = {
     Status.NOT_FINITE: (
         "The state became NaN or infinite: check the initial state and the parameters of this run."
     ),
-    Status.REFUSED: (
-        "A parameter of this run is outside its allowed range: the run was not started."
-    ),
+    Status.REFUSED: "A parameter is outside its allowed range, so the run was not started.",
     Status.EVENT_UNRESOLVED: (
         "The search for the time of an event did not converge: check that the condition is smooth "
         "around its zero."

@@ -70,7 +70,9 @@ def stored(
     # No process writes before all have read the store.
     engine.sync("counted")
     for damage in damages:
-        warnings.warn(f"{store.path}: {damage} It is computed again.", DamagedStore, stacklevel=4)
+        warnings.warn(
+            f"{store.path}: {damage} The chunk is computed again.", DamagedStore, stacklevel=4
+        )
     ending = None if until is None else Ending(until, store.count)
     if ending is not None:
         ending.read(store, sorted(set(store.finished()) - set(missing)))

@@ -263,7 +263,8 @@ def summary(row: "Row") -> str:
 def explained(contributors: "Contributors") -> str:
     """The sum of the shares and the unexplained rest, in words."""
     part = f"{100.0 * max(contributors.r_squared, 0.0):.1f} % from individual inputs"
-    return part + ("" if contributors.r_squared >= 0.9995 else "; rest: products, higher powers")
+    complete = contributors.r_squared >= 0.9995
+    return part + ("" if complete else "; rest: interactions, nonlinear terms")
 
 
 def contributors_or_none(dispersion: "Dispersion", name: str, count: int) -> "Contributors | None":

@@ -80,7 +80,8 @@ class Dispersion(HashedModule):
         if it did not."""
         if self.enough is None:
             return ""
-        return f"{self.enough} runs are sufficient, {StopRule(**self.attributes['until']).text()}."
+        known = StopRule(**self.attributes["until"]).text().removeprefix("until ")
+        return f"Stopped after {self.enough} runs: {known}."
 
     @property
     def planned_runs(self) -> int:

@@ -197,7 +197,7 @@ class Store:
         if len(data) != size:
             return x, f"{what}has {len(data)} bytes instead of {size}."
         if hashlib.sha256(data).hexdigest() != digest:
-            return x, f"{what}differs from its checksum."
+            return x, f"{what}does not match its checksum."
         # The last four bytes are the checksum by which Zarr recognises damage on its own.
         if size != self.chunk * column.bytes_of_run + 4:
             return x, f"{what}has the length of another array."

@@ -141,7 +141,10 @@ def test_resume_computes_what_is_missing_or_damaged(flown, store, capsys):
     chunk.write_bytes(data)
     assert main(["resume", str(store)]) == 0
     printed = capsys.readouterr()
-    assert "apoapsis_altitude/c/0 differs from its checksum. It is computed again." in printed.err
+    assert (
+        "apoapsis_altitude/c/0 does not match its checksum. The chunk is computed again."
+        in printed.err
+    )
     assert "of 1200 runs succeeded" in printed.out and "% of" in printed.out
     assert chunk.read_bytes() == (flown / "apoapsis_altitude" / "c" / "0").read_bytes()
     assert store.with_suffix(".png").exists()

@@ -322,7 +322,7 @@ def flip(path):
 
 
 DAMAGES = {
-    "a flipped bit": ("x/c/2", flip, "x/c/2 differs from its checksum"),
+    "a flipped bit": ("x/c/2", flip, "x/c/2 does not match its checksum"),
     "a truncated file": (
         "v/c/1",
         lambda path: os.truncate(path, 100),

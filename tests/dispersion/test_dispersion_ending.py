@@ -165,7 +165,7 @@ def test_file_and_command_line(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "at most 20000 runs, seed 3, until the 99 % limit of periapsis_altitude is kn" in printed
     kept = open_store(tmp_path / "coast.zarr")
-    assert kept.enough and f"{kept.enough} runs are sufficient" in printed
+    assert kept.enough and f"Stopped after {kept.enough} runs: " in printed
     rows = [line.split() for line in printed.splitlines()]
     (row,) = [r for r in rows if r[:2] == ["periapsis_altitude", "lincov"]]
     (reference,) = [r for r in rows if r[:2] == ["periapsis_altitude", "monte_carlo"]]
@@ -226,5 +226,5 @@ def test_the_report_says_when_a_hypercube_is_not_complete():
 
 def test_every_report_says_that_a_campaign_has_ended_itself(ended):
     kept = open_store(ended)
-    words = f"{kept.runs} runs are sufficient, until the 95 % limit of x is known to 3 %."
+    words = f"Stopped after {kept.runs} runs: the 95 % limit of x is known to 3 %."
     assert kept.ending == words and status_lines(kept).splitlines()[-1] == words

@@ -286,7 +286,7 @@ def test_the_table_says_what_no_input_explains():
     a, b = (a - a.mean()) / a.std(), (b - b.mean()) / b.std()
     d = dispersion(x=a + 0.5 * b + 0.5 * a * b, y=a)
     found = d.contributors("x", None)
-    rest = f"rest {100.0 * (1.0 - found.r_squared):.0f} % (products, higher powers)"
+    rest = f"interactions and nonlinear terms {100.0 * (1.0 - found.r_squared):.0f} %"
     shares = [f"{name} {100.0 * share:.0f} %" for name, share in found.shares.items()]
     x, y = contributor_lines(d).splitlines()
     assert x == f"x  {', '.join([*shares, rest])}" and y == "y  a 100 %"

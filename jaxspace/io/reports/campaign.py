@@ -35,7 +35,7 @@ def replay_report(file: SceneFile, run: Replay, dispersion: Dispersion | None) -
         rows.append((name, unit, nominal, number(factor * value)))
     lines = [f"{file.title}: run {run.number}, seed {run.seed}", "", aligned(rows)]
     stored = _row_of(dispersion, run.number)
-    rows = [("output", "unit", "in the store", "here")]
+    rows = [("output", "unit", "stored", "repeated")]
     for spec in file.outputs:
         there = number(stored[spec.name]) if spec.name in stored else "-"
         rows.append((spec.name, spec.unit, there, number(run.outputs[spec.name])))
@@ -131,7 +131,17 @@ def comparison_table(rows: Sequence[Comparison]) -> str:
     sampling error of the Monte Carlo reference; and a warning next to each unreliable number, with
     its reason below."""
     shown: list[Row] = [
-        ("output", "method", "mean", "off by", "std dev", "off by", "runs", "seconds", "")
+        (
+            "output",
+            "method",
+            "mean",
+            "error of mean",
+            "std dev",
+            "error of std dev",
+            "runs",
+            "seconds",
+            "",
+        )
     ]
     for c in rows:
         word = WARNING if c.warning else ""

@@ -146,7 +146,7 @@ def _causes(contributors: Contributors, count: int) -> list[str]:
     listed |= {"other inputs": others} if others >= 0.01 else {}
     causes = [f"{path} {100.0 * share:.0f} %" for path, share in listed.items()]
     if rest >= 0.01:
-        causes.append(f"rest {100.0 * rest:.0f} % (products, higher powers)")
+        causes.append(f"interactions and nonlinear terms {100.0 * rest:.0f} %")
     return causes
 
 
