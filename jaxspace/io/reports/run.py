@@ -83,13 +83,18 @@ def final_error_rows(value: Value, run: Simulated | LoopRun) -> list[tuple[str, 
 
     rows = [("requested final error", listed(1.0))]
     if all(phase.config.method == "closed_form" for phase in run.phases):
-        return [*rows, ("estimated", f"{listed(estimate)}, the rounding of a closed form")]
-    rows.append(("estimated", listed(estimate)))
+        return [
+            *rows,
+            ("estimated final error", f"{listed(estimate)}, the rounding of a closed form"),
+        ]
+    rows.append(("estimated final error", listed(estimate)))
     # The searched tolerance itself, of which campaigns take two digits.
     tolerance = tolerance_of(run.phases[-1])
     found = f"{tolerance:.2g}, found with {runs} runs and {spent} evaluations in total"
     rows.append(("required accuracy", found))
     if math.isfinite(price):
-        rows.append(("a tenth of this error", f"{price:.2g} times the evaluations of a run"))
-        rows.append(("ten times this error", f"{100.0 * (1.0 - 1.0 / price):.0f} % fewer"))
+        rows.append(("a tenth of this estimate", f"{price:.2g} times the evaluations of a run"))
+        rows.append(
+            ("ten times this estimate", f"{100.0 * (1.0 - 1.0 / price):.0f} % fewer evaluations")
+        )
     return rows
