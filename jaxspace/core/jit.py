@@ -36,7 +36,10 @@ than most scripts and notebooks use before they reuse one."""
 class _Program(Generic[T]):
     """A function under `jit` for one set of static arguments."""
 
-    def __init__(self, function: Callable[..., T], static: tuple, options: Options):
+    def __init__(
+        self, function: Callable[..., T], static: tuple, options: Options, has_loop: bool = False
+    ):
+        self.has_loop = has_loop
         # Not methods, because a program that refers to itself is freed late.
         self.shapes: list[None] = []
         name = getattr(function, "__name__", type(function).__name__)
@@ -50,9 +53,18 @@ class _Program(Generic[T]):
             self.shapes.clear()
             self.stored.loaded.clear()
             self.program = self.make()
-        program = self.stored.find(self.program, arrays) if is_storing() else None
+        storing = is_storing(has_loop=self.has_loop)
+        program = self.stored.find(self.program, arrays) if storing else None
         arrays, rest = (program or self.program)(arrays)
         return eqx.combine(arrays, rest.value)
+
+    def prepare(self, arrays: tuple, traced: Callable[[], object]) -> None:
+        """Compile the program for such arrays, or load it."""
+        if is_storing() and self.stored.find(self.program, arrays, traced) is not None:
+            return
+        lowered = self.program.lower(arrays)
+        traced()
+        lowered.compile()
 
 
 def _program(
@@ -74,18 +86,24 @@ def _program(
     return jax.jit(program, **options)  # pyright: ignore[reportArgumentType]
 
 
-def quick_jit(function: Callable[P, T], **options: CompilerOptions) -> Callable[P, T]:
+def quick_jit(
+    function: Callable[P, T], *, has_loop: bool = False, **options: CompilerOptions
+) -> Callable[P, T]:
     """`equinox.filter_jit` of a function, in two thirds of its time, with its last `KEPT` programs.
 
     A short run takes less time than `equinox.filter_jit` needs to bind its arguments and to handle
     errors. Here an error is raised by a second call, which words it as `equinox` does.
 
-    `options`: the `compiler_options` of `jax.jit`. The result has a method `lower`, as that of
-    `jax.jit` does."""
+    `has_loop`: whether the function always integrates, or has another loop, and so requires a
+    compiler (`stored.is_storing`). `options`: the `compiler_options` of `jax.jit`.
+
+    The result has a method `lower`, as that of `jax.jit` does, and a method
+    `prepare(args, traced)`, which compiles the program for these arguments, or loads it, and calls
+    `traced()` as soon as only the compiler remains."""
 
     @functools.lru_cache(maxsize=KEPT)
     def program_of(others: tuple, structure: PyTree) -> _Program[T]:
-        return _Program(function, (others, structure), options)
+        return _Program(function, (others, structure), options, has_loop)
 
     def parts(args: tuple, kwargs: dict[str, PyTree]) -> tuple[_Program[T], tuple]:
         leaves, structure = jax.tree.flatten((args, kwargs))
@@ -106,13 +124,18 @@ def quick_jit(function: Callable[P, T], **options: CompilerOptions) -> Callable[
         program, arrays = parts(args, kwargs)
         return program.program.lower(arrays)
 
+    def prepare(args: tuple, traced: Callable[[], object]) -> None:
+        program, arrays = parts(args, {})
+        program.prepare(arrays, traced)
+
+    call.prepare = prepare  # pyright: ignore[reportAttributeAccessIssue]
     call.lower = lower  # pyright: ignore[reportAttributeAccessIssue]
     return call
 
 
 def jit_quickly(function: Callable[P, T]) -> Callable[P, T]:
     """The function under `quick_jit` with the options `QUICK`."""
-    return quick_jit(function, **QUICK)
+    return quick_jit(function, has_loop=False, **QUICK)
 
 
 # The programs of functions that are recreated for each use, by the options of the compiler.
@@ -125,7 +148,7 @@ def compiled(function: Callable[P, T], **options: CompilerOptions) -> Callable[P
 
     The result is a tree, as is a function that is one: its arrays are arguments of the program,
     which other functions of the same structure then share."""
-    call = _CALLS.setdefault(repr(options), quick_jit(_call, **options))
+    call = _CALLS.setdefault(repr(options), quick_jit(_call, has_loop=False, **options))
     return eqx.Partial(call, function)
 
 

@@ -23,10 +23,10 @@ from typing import Any, NamedTuple, TypeAlias, final
 
 import jax
 import jax.numpy as jnp
-from jax.core import Tracer, eval_context
+from jax.core import Trace, Tracer, eval_context
 from jax.experimental import serialize_executable
 from jax.experimental.compilation_cache import compilation_cache
-from jax.extend.core import get_opaque_trace_state
+from jax.extend.core import get_opaque_trace_state, set_current_trace
 from jaxtyping import PyTree
 
 from .program_folder import ProgramFolder
@@ -57,16 +57,33 @@ def store_in(folder: ProgramFolder | None) -> None:
     _folder = folder
 
 
-def is_storing() -> bool:
-    """Whether programs are stored, and the code that calls this function is not being traced."""
-    if _folder is None or get_opaque_trace_state() != _UNTRACED:
+def is_storing(*, has_loop: bool = False) -> bool:
+    """Whether programs are stored, and the code that calls this function is not being traced.
+
+    `has_loop`: whether the program contains a loop, and is compiled also where operations outside
+    of loops are computed without a compiler (`evaluates_operations`)."""
+    if _folder is None:
+        return False
+    state = get_opaque_trace_state()
+    if state != _UNTRACED and not (has_loop and any(state == each for each in _EVALUATING)):
         return False
     # A mesh of devices would be part of the program.
     return not jax.config.jax_disable_jit and jax.sharding.get_abstract_mesh().empty
 
 
+def evaluates_operations(trace: Trace) -> None:
+    """Declare that a trace computes operations at once, and compiles loops."""
+    with set_current_trace(trace):
+        _EVALUATING.append(get_opaque_trace_state())
+
+
 with eval_context():
     _UNTRACED = get_opaque_trace_state()
+_EVALUATING: list[object] = []
+
+
+def _nothing() -> None:
+    """Nobody waits."""
 
 
 @final
@@ -79,21 +96,33 @@ class StoredProgram:
     def __init__(self, name: str, parts: tuple[object, ...]):
         self.name, self.parts = re.sub(r"\W", "", name).strip("_"), parts
         self.loaded: dict[Hashable, Callable | None] = {}
+        self.lock = threading.Lock()
 
-    def find(self, program: Any, arrays: Arrays) -> Callable | None:
+    def find(
+        self, program: Any, arrays: Arrays, traced: Callable[[], object] = _nothing
+    ) -> Callable | None:
         """The compiled program for such arrays: loaded from the folder, or compiled and stored.
 
         `None` where it has no key, or an array is traced.
 
-        `program`: the function under `jax.jit`."""
+        **Arguments**
+
+        - `program`: the function under `jax.jit`.
+        - `traced`: called where there is a program, as soon as only the compiler remains."""
         shapes = _shapes_of(arrays)
         if shapes is None:
             return None
-        try:
-            return self.loaded[shapes]
-        except KeyError:
-            pass
-        found = self.loaded[shapes] = self._look_up(program, arrays, shapes)
+        if shapes not in self.loaded:
+            # Another thread with the same shapes waits for the program.
+            with self.lock:
+                if shapes not in self.loaded:
+                    with eval_context():
+                        found = self._look_up(program, arrays, shapes, traced)
+                    self.loaded[shapes] = found
+                    return found
+        found = self.loaded[shapes]
+        if found is not None:
+            traced()
         return found
 
     @functools.cached_property
@@ -105,7 +134,9 @@ class StoredProgram:
             _REFUSED.append((self.name, str(reason)))
             return None
 
-    def _look_up(self, program: Any, arrays: Arrays, shapes: tuple) -> Callable | None:
+    def _look_up(
+        self, program: Any, arrays: Arrays, shapes: tuple, traced: Callable[[], object]
+    ) -> Callable | None:
         folder, key = _folder, self.key
         if folder is None or key is None or jax.default_backend() != "cpu":
             return None
@@ -116,11 +147,15 @@ class StoredProgram:
         entry = folder.read(name)
         if entry is not None:
             try:
-                return _loaded(entry, arrays, objects)
+                found = _loaded(entry, arrays, objects)
             # Whatever a damaged or foreign entry raises.
             except Exception as error:  # noqa: BLE001
                 folder.discard(name, error)
+            else:
+                traced()
+                return found
         lowered = program.lower(arrays)
+        traced()
         with _compilations() as events:
             compiled = lowered.compile()
         if folder.writes and _is_portable(lowered):

@@ -51,6 +51,7 @@ class Place:
 
 
 PLACE = Place()
+_CONSTANTS = (None, Ellipsis, NotImplemented, dataclasses.MISSING, PLACE)
 
 
 def key_of(*parts: object) -> str:
@@ -90,8 +91,8 @@ class _Writer:
 
     def write(self, x: object) -> None:
         """One value with its type."""
-        if x is None or x is Ellipsis or x is NotImplemented or x is PLACE:
-            self.text("constant", repr(x) if x is not PLACE else "place")
+        if any(x is constant for constant in _CONSTANTS):
+            self.text("constant", type(x).__name__)
         elif type(x) in (bool, int, float, complex, str, bytes):
             # The shortest text that returns the same number, and the sign of zero.
             self.text(type(x).__name__, repr(x))

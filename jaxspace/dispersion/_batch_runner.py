@@ -8,9 +8,9 @@ runs from which a faster program with a longer compilation pays off (`is_small`)
 """
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -180,7 +180,6 @@ class BatchRunner(AbstractRunner):
         # Two threads, and none of them this one: where there are more threads than arenas for
         # memory, a new one often shares that of the main thread, and they wait for each other.
         with ThreadPoolExecutor(2) as pool:
-            # An error of the compiler is raised again where the program is called.
             pool.submit(self._compile, drawn, lowered)
             checked = pool.submit(check)
         checked.result()
@@ -220,7 +219,8 @@ class BatchRunner(AbstractRunner):
         return int(np.asarray(results.status)[0]), finite
 
     def _compile(self, drawn: Drawn, lowered: "Future[None]") -> None:
-        """Compile the program of all runs for inputs of these shapes, where a call then finds it.
+        """Compile or load the program of all runs for inputs of these shapes, where a call then
+        finds it.
 
         `lowered` is done when only the compiler remains, or holds an earlier exception."""
         try:
@@ -229,15 +229,14 @@ class BatchRunner(AbstractRunner):
             # On a device, as what is drawn: elsewhere the program would be another one.
             drawn = jax.device_put(zeros, self.devices[0])
             given = self._arguments(drawn)
-            traced = self._program.lower(*given)
+            self._program.prepare(given, lambda: lowered.set_result(None))
         except BaseException as error:
-            lowered.set_exception(error)
-            return
-        lowered.set_result(None)
-        traced.compile()
+            # An error of the compiler is raised again where the program is called.
+            if not lowered.done():
+                lowered.set_exception(error)
 
     @property
-    def _program(self) -> Callable[..., PyTree]:
+    def _program(self) -> Any:
         return program(self.devices[0].platform)
 
     def _chosen(self, numbers: np.ndarray, used: np.ndarray, k: int) -> tuple[PyTree, ...]:

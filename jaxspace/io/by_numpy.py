@@ -19,6 +19,8 @@ from jax.extend.core.primitives import convert_element_type_p
 from jax.typing import ArrayLike
 from numpy.typing import DTypeLike
 
+from ..core.stored import evaluates_operations
+
 Params: TypeAlias = dict[str, Any]
 Rule: TypeAlias = Callable[..., Any]
 # Whole numbers of Python or of NumPy.
@@ -77,6 +79,7 @@ class _NumPyTrace(Trace):
 
 # A single one, because programs that are traced within it are cached by it.
 _TRACE = _NumPyTrace()
+evaluates_operations(_TRACE)
 
 
 def _is_plain(x: ArrayLike) -> bool:

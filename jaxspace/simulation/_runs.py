@@ -48,7 +48,7 @@ def run_system(
 
 
 # Compiled, because outside of `jit` each operation would be compiled and called separately.
-run_one_system = quick_jit(run_system)
+run_one_system = quick_jit(run_system, has_loop=True)
 
 
 def _run_of_kind(

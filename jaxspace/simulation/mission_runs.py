@@ -1,5 +1,6 @@
 """Runs of a mission: one phase after the other, in the layout of the physics, runs last."""
 
+import functools
 from collections.abc import Callable, Sequence
 
 from jaxtyping import Array
@@ -32,7 +33,7 @@ def _left_by(
     return t, y if then is None else then(t, y)
 
 
-@quick_jit
+@functools.partial(quick_jit, has_loop=True)
 def _run_phase(
     integrator: Integrator,
     until: Scalar | Event,

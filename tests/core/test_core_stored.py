@@ -252,6 +252,37 @@ def test_transformations_and_callbacks_do_not_touch_the_folder(folder):
     assert not stored_files(folder.root)
 
 
+def summed(x):
+    TRACES.append(None)
+    return jax.lax.fori_loop(0, 3, lambda k, total: total + x, 0.0 * x)
+
+
+def test_loops_are_stored_where_numpy_computes_the_rest(folder):
+    with by_numpy():
+        for expected in (1, 0):
+            TRACES.clear()
+            assert float(quick_jit(summed, has_loop=True)(jnp.array(2.0))) == 6.0
+            assert len(TRACES) == expected
+    assert traces(summed, jnp.array(1.0))[1] == 0
+
+
+def test_a_program_is_prepared_once(folder):
+    times = []
+    for expected in (1, 0):
+        TRACES.clear()
+        prepared = quick_jit(summed)
+        for _ in range(2):
+            prepared.prepare((jnp.array(2.0),), lambda: times.append(len(TRACES)))
+        assert float(prepared(jnp.array(2.0))) == 6.0
+        assert times[-2:] == [expected, expected] and len(TRACES) == expected
+    stored.store_in(None)
+    TRACES.clear()
+    prepared = quick_jit(summed)
+    prepared.prepare((jnp.array(2.0),), lambda: times.append(len(TRACES)))
+    assert float(prepared(jnp.array(2.0))) == 6.0
+    assert times[-1] == 1 and len(TRACES) == 1
+
+
 def call(x=2.0):
     result, count = traces(scaled, Scale(jnp.array(x)), jnp.array(X))
     assert float(result["y"][2]) == 2.0 * x
