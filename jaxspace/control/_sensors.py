@@ -192,8 +192,12 @@ def check_period(name: str, period: float | None) -> None:
 
 
 def _meeting(error: Array, like: Array) -> Array:
-    """An error of each component, or one for all, with the rank of the reading."""
-    return with_rank(error, like.ndim - 1) if error.ndim else error
+    """An error of each component, of each run, or one for all, in a form that broadcasts with the
+    reading."""
+    components, runs = like.shape[: error.ndim], like.shape[like.ndim - error.ndim :]
+    # A reading of three components in three runs: components come first.
+    of_runs = error.ndim < like.ndim and error.shape == runs and error.shape != components
+    return error if of_runs or error.ndim == 0 else with_rank(error, like.ndim - 1)
 
 
 def drawing(keys: Keys | None, number: int, count: Array, run_axes: int, name: str) -> Draw:

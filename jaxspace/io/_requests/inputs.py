@@ -72,7 +72,7 @@ def read_inputs(file: Parsed, files: NamedFiles) -> tuple[dict[str, Input | Made
     keys = {"distribution", *FILE_KEYS, *_fields(file)}
     for path, entry in _entries(file.values["dispersion"]["inputs"], keys):
         if path not in numbers:
-            errors.append(_unknown_path(f"dispersion.inputs.{path}", path, list(numbers)))
+            errors.append(_unknown_path(f"dispersion.inputs.{path}", path, file))
             continue
         try:
             result[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file, files)
@@ -109,7 +109,7 @@ def with_distributions(
     for path, entry in given.items():
         key = f"inputs.{path}"
         if path not in numbers:
-            errors.append(_unknown_path(key, path, list(numbers)))
+            errors.append(_unknown_path(key, path, file))
         elif isinstance(entry, AbstractDistribution):
             result[path] = MadeInput(numbers[path], entry)
         elif isinstance(entry, Mapping):
@@ -182,7 +182,14 @@ def _entries(
             yield here, value
 
 
-def _unknown_path(key: str, path: str, paths: list[str]) -> str:
+def _unknown_path(key: str, path: str, file: Parsed) -> str:
+    """The message about a path that is not that of a number that may be dispersed."""
+    if _is_fixed(path, file.values):
+        return (
+            f"{key} cannot be dispersed: the number {path} sets the form of the program, such as "
+            "the number of its samples, and is the same for all runs."
+        )
+    paths = list(_numbers(file))
     table = path.rpartition(".")[0]
     # The numbers of the same table; where that is unknown too, the tables.
     near = [p for p in paths if p.rpartition(".")[0] == table] or sorted(
@@ -190,6 +197,21 @@ def _unknown_path(key: str, path: str, paths: list[str]) -> str:
     )
     sentence = unknown(key, path, near, "number of this file")
     return sentence.partition(" Did you mean")[0] + hint(path, paths)
+
+
+def _is_fixed(path: str, values: Value) -> bool:
+    """Whether the path is that of a number of the file that is the same for all runs."""
+    for name in path.split("."):
+        if (
+            isinstance(values, list)
+            and name.isascii()
+            and name.isdigit()
+            and int(name) < len(values)
+        ):
+            values = values[int(name)]
+        else:
+            values = values.get(name) if isinstance(values, Mapping) else None
+    return isinstance(values, int | float) and not isinstance(values, bool)
 
 
 def _read(key: str, entry: Value, nominal: Measure, file: Parsed, files: NamedFiles) -> Input:
