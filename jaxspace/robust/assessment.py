@@ -127,12 +127,14 @@ class DesignAssessment(HashedModule):
                 continue
             more = self.worth(name)
             size = Estimate(abs(more.value), more.error)
-            side = "more" if more.value >= 0.0 else "less"
-            fails = ", and violates a limit" if any(x.fails for x in design.limits) else ""
-            result.append(f"{name} has {size} {side} of the {objective.text()}{fails}.")
+            side = "larger" if more.value >= 0.0 else "smaller"
+            fails = ", which violates a constraint" if any(x.fails for x in design.limits) else ""
+            result.append(f"The {objective.text()} is {size} {side} for {name}{fails}.")
+        gap = self.gap
+        side = "larger" if gap.value >= 0.0 else "smaller"
         result.append(
-            f"On the runs of the search it was {Estimate(self.on_search.value, 0.0)}: independent "
-            f"runs differ by {self.gap}."
+            f"For robust, it was {Estimate(self.on_search.value, 0.0)} in the optimisation; on "
+            f"independent runs it is {Estimate(abs(gap.value), gap.error)} {side}."
         )
         for statistic in self.optimum.problem.statistics:
             if statistic.tail is not None:
@@ -157,7 +159,7 @@ class DesignAssessment(HashedModule):
             rows.append((constraint.label(), *self._each(lambda d, k=k: str(d.limits[k].value))))
             # A limit of a mean has no share of violations.
             if self.designs["robust"].limits[k].verdict is not None:
-                rows.append(("  violated in", *self._each(lambda d, k=k: _shares(d.limits[k]))))
+                rows.append(("  violated", *self._each(lambda d, k=k: _shares(d.limits[k]))))
         rows.append(("failed", *self._each(lambda d: _percent(d.failed))))
         # All designs have the structure of the optimum.
         for number, (path, leaf) in enumerate(tree_leaves_with_path(self.optimum.x)):
@@ -229,5 +231,6 @@ def _percent(share: Probability) -> str:
 def _shares(limit: AssessedLimit) -> str:
     """Share of violations and verdict of a limit with a requirement on each run."""
     assert limit.verdict is not None
-    word, violation, allowed = limit.verdict
-    return f"{_percent(violation)} of {100.0 * allowed:.3g} %: {word}"
+    verdict = limit.verdict
+    allowed = 100.0 * verdict.allowed
+    return f"{_percent(verdict.violation)}, {allowed:.3g} % allowed: {verdict.word}"
