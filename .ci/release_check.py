@@ -152,6 +152,21 @@ def manual() -> None:
     print("manual  ", call(sys.executable, ROOT / ".ci/links.py", "site", home).strip())
 
 
+def manual_of_the_wheel(sdist: Path, wheel: Path) -> None:
+    """The manual of a package that is installed elsewhere: no name may be missing without its
+    sources beside the pages."""
+    with tempfile.TemporaryDirectory() as name:
+        package, sources = Path(name, "package"), Path(name, "sources")
+        shutil.unpack_archive(wheel, package, "zip")
+        shutil.unpack_archive(sdist, sources)
+        (clone,) = sources.iterdir()
+        shutil.rmtree(clone / "jaxspace")
+        build = (sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict")
+        call(*build, where=clone, PYTHONPATH=str(package))
+        require((clone / "site" / "llms.txt").is_file(), "The manual has no llms.txt.")
+    print("manual   builds against the wheel")
+
+
 def public_files() -> None:
     """The workflows by their schema, the changelog to be, and the address in one spelling."""
     flows = sorted((ROOT / ".github/workflows").glob("*.yml"))
@@ -172,6 +187,7 @@ def main() -> int:
         print(f"Python {version}: none on this machine, not tried")
     try_sdist(sdist)
     manual()
+    manual_of_the_wheel(sdist, wheel)
     print(json.dumps({"tried": sorted(there), "dist": [sdist.name, wheel.name]}))
     return 0
 

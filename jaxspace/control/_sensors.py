@@ -89,6 +89,8 @@ class AbstractSensor(AbstractParameters):
 class Sensor(AbstractSensor):
     """Reads a part of the state, or any function (t, y) of it.
 
+    - `period`: time between two readings, s; that of the controller by default.
+
     **Raises** `InputError` for a period that is not positive."""
 
     reads: str | Callable[[Scalar, State], Array] = eqx.field(
@@ -150,7 +152,9 @@ class Sensor(AbstractSensor):
 
 @final
 class StarTracker(AbstractSensor):
-    """Reads the attitude, turned by a small error about the axes of the body."""
+    """Reads the attitude, turned by a small error about the axes of the body.
+
+    - `period`: time between two readings, s; that of the controller by default."""
 
     noise: Float[Array, "..."] = quantity(
         "rad", non_negative=True, default=0.0, doc="standard deviation about each axis"

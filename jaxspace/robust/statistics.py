@@ -197,7 +197,10 @@ class Mean(AbstractStatistic):
 
 @final
 class MeanPlus(AbstractStatistic):
-    """The mean plus `k` standard deviations, minus for a negative `k`."""
+    """The mean plus `k` standard deviations, minus for a negative `k`.
+
+    - `output`: name of an output of the campaign.
+    - `k`: any number."""
 
     output: str = eqx.field(static=True)
     k: float = eqx.field(static=True, converter=float)
@@ -223,6 +226,9 @@ class MeanPlus(AbstractStatistic):
 @final
 class Quantile(AbstractStatistic):
     """The quantile `share` of the runs.
+
+    - `output`: name of an output of the campaign.
+    - `share`: between 0 and 1.
 
     Raises `InputError` unless the share is between 0 and 1."""
 
@@ -266,6 +272,8 @@ class Quantile(AbstractStatistic):
 class CVaR(AbstractStatistic):
     """The mean of the runs above the quantile of a `share`: the conditional value at risk.
 
+    - `output`: name of an output of the campaign.
+    - `share`: between 0 and 1.
     - `lower`: whether small values are unfavourable: the mean of as many runs with the lowest ones.
 
     Raises `InputError` unless the share is between 0 and 1."""
@@ -315,6 +323,9 @@ class CVaR(AbstractStatistic):
 @final
 class Violation(AbstractStatistic):
     """The share of the runs, from 0 to 1, in which the output is above `high` or below `low`.
+
+    - `output`: name of an output of the campaign.
+    - `high`, `low`: the limit, in the unit of the output.
 
     A failed run counts as a violation. Raises `InputError` without exactly one of the two."""
 

@@ -165,8 +165,13 @@ class StopRule:
     """Rule that ends a campaign: the percentile `share` of an output must be known, with this
     `confidence`, to `precision` times the distance of that percentile from the mean.
 
-    `StopRule("apogee", 0.99, 0.01)` means "until the 99 % limit of apogee is known to 1 %". Its
-    numbers are between 0 and 1.
+    - `output`: name of an output of the campaign.
+    - `share`: of the percentile, between 0 and 1.
+    - `precision`: half the width of its confidence interval over its distance from the mean,
+      between 0 and 1.
+    - `confidence`: of the interval, between 0 and 1.
+
+    `StopRule("apogee", 0.99, 0.01)` means "until the 99 % limit of apogee is known to 1 %".
 
     Raises `InputError` for other numbers."""
 

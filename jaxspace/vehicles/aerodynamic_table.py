@@ -64,6 +64,12 @@ STEEPEST = 0.1
 class AerodynamicTable(AbstractParameters):
     """Coefficients on a grid; `of_columns` and `read_aerodynamics` make it.
 
+    - `mach`: nodes, ascending, of the Mach number.
+    - `angle`, `roll`: nodes, rad, ascending, of the angle of attack and of the roll angle.
+    - `reynolds`: nodes, ascending, of the natural logarithm of the Reynolds number.
+    - `data`: coefficients and their slopes at each point of the grid, the last axis fastest.
+    - `names`: of the coefficients.
+
     An axis with one node means that nothing depends on it."""
 
     mach: Float[Array, "machs *#runs"] = eqx.field(converter=as_float)
