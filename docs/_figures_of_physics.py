@@ -73,13 +73,13 @@ def top():
         panel.plot(x[0], y[0], "o", ms=4, color="C3")
         panel.set(
             title=title,
-            xlabel="x component of the axis, 1",
+            xlabel="x component of the axis direction",
             aspect="equal",
             xlim=(-0.8, 0.8),
             ylim=(-0.8, 0.8),
         )
         panel.set(xticks=[-0.5, 0.0, 0.5], yticks=[-0.5, 0.0, 0.5])
-    panels[0].set_ylabel("y component of the axis, 1")
+    panels[0].set_ylabel("y component of the axis direction")
     return figure
 
 
@@ -110,14 +110,14 @@ def two_body():
         )
     cost, error, estimate, drift = np.array(rows).T
     figure, panel = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
-    panel.loglog(cost, error, "o-", label="error against the closed form")
+    panel.loglog(cost, error, "o-", label="error relative to the closed form")
     panel.loglog(
         cost, estimate, "x--", label="estimate of Trajectory.error()"
     )
     panel.loglog(cost, drift, "s:", label="relative drift of the energy")
     panel.set(
         xlabel="evaluations of the vector field",
-        ylabel="error / semi-major axis, or drift",
+        ylabel="relative error or drift",
     )
     panel.set_title("Five revolutions, eccentricity 0.7, DOP853")
     panel.set_xticks(
@@ -174,11 +174,11 @@ def transfers():
             low=False,
         )
     panel.set(
-        xlabel="duration / period of the inner circle",
-        ylabel="both impulses / speed on the inner circle",
+        xlabel="duration / period of the inner orbit",
+        ylabel="total impulse / initial circular speed",
         ylim=(0.0, 4.0),
     )
-    panel.set_title("To a circle of twice the radius, 120 deg ahead")
+    panel.set_title("Transfer to twice the radius, target 120 deg ahead")
     panel.grid(alpha=0.3)
     figure.legend(loc="outside right center")
     return figure
@@ -242,9 +242,9 @@ def torque_free_body():
         xlim=(-1.08, 1.08),
         ylim=(-1.08, 1.08),
         aspect="equal",
-        xlabel="angular momentum / its size, to the right, 1",
+        xlabel="angular momentum, horizontal component (normalised)",
     )
-    panel.set_ylabel("angular momentum / its size, upwards, 1")
+    panel.set_ylabel("angular momentum, vertical component (normalised)")
     panel.set_title("Polhodes, moments of inertia 1 : 2 : 3")
     return figure
 
@@ -335,7 +335,7 @@ def rockets():
     panel.invert_xaxis()
     panel.set(
         xlabel="mass / initial mass",
-        ylabel="rate across the axis / initial rate",
+        ylabel="transverse rate / initial rate",
     )
     panel.set_title("Jet damping: closed form (lines), simulated (dots)")
     panel.grid(alpha=0.3)
@@ -367,7 +367,7 @@ def two_gimbal_gyro():
         jnp.degrees(walk.drift * ts),
         "--",
         color="C3",
-        label="closed form of the drift",
+        label="mean drift, closed form",
     )
     left.set(
         xlabel="time, ms",
@@ -382,7 +382,7 @@ def two_gimbal_gyro():
     right.set(
         xlabel="outer gimbal psi, deg",
         ylabel="inner gimbal theta, deg",
-        title="Path of the rotor's axis",
+        title="Path of the rotor axis",
     )
     for panel in (left, right):
         panel.grid(alpha=0.3)
@@ -426,12 +426,12 @@ def optimization():
         nodes,
         jnp.degrees(found.steering.angles),
         "o",
-        label="direct shooting, six nodes",
+        label="direct shooting with six nodes",
     )
     right.set(
         xlabel="time, s",
         ylabel="thrust angle, deg",
-        title="Steering to the greatest velocity at 150 km",
+        title="Steering for maximum velocity at 150 km",
     )
     right.legend()
     for panel in (left, right):

@@ -120,7 +120,7 @@ def missions():
             panel.plot(t, values, color=f"C{k}", label=name)
     for panel, label in zip(
         panels,
-        ("apogee height, km", "spin, rad/s", "rate across it, deg/s"),
+        ("apogee height, km", "spin rate, rad/s", "transverse rate, deg/s"),
         strict=True,
     ):
         panel.set_ylabel(label)
@@ -143,10 +143,11 @@ def closed_loops():
     error = error_vector(slew.states.attitude, jnp.full(4, 0.5))
     axes[0, 0].plot(t, np.degrees(np.asarray(error)).T, label=["x", "y", "z"])
     axes[0, 0].set(
-        ylabel="error, deg", title="Slew by wheels, two samples a second"
+        ylabel="error, deg",
+        title="Slew with reaction wheels, sampled at 2 Hz",
     )
     axes[1, 0].step(t, np.asarray(slew.commands).T, where="post", lw=0.8)
-    axes[1, 0].set(xlabel="time, min", ylabel="torque on each wheel, N m")
+    axes[1, 0].set(xlabel="time, min", ylabel="wheel torque, N m")
     axes[0, 0].legend(frameon=False)
     x, y, z = np.asarray(landing.states.position)
     axes[0, 1].plot(np.hypot(x, y), z)
@@ -225,13 +226,15 @@ def hybrid():
     )
     swings = np.argsort(-np.ptp(np.asarray(true), axis=0))[[0, 4, 10]]
     for k, panel in zip(swings, axes, strict=True):
-        panel.plot(ts, known[:, k], "--", color="C7", label="physics alone")
+        panel.plot(
+            ts, known[:, k], "--", color="C7", label="without the network"
+        )
         panel.plot(ts, learned[:, k], color="C0", label="with the network")
         panel.plot(ts, true[:, k], "o", ms=3, color="C3", label="truth")
         panel.set(xlabel="time")
         panel.grid(alpha=0.3)
     axes[0].set(ylabel="angle, rad")
-    axes[1].set(title="Paths that the network never saw")
+    axes[1].set(title="Test trajectories")
     axes[0].legend(fontsize=8)
     return figure
 
@@ -249,7 +252,7 @@ def estimation():
     left.axhspan(-1.0, 1.0, color="C7", alpha=0.15)
     left.set(
         xlabel="time, s",
-        ylabel="residual over its standard deviation",
+        ylabel="residual / standard deviation",
         title="GEOS-3 over Kaena Point",
     )
     left.legend()
@@ -275,13 +278,13 @@ def estimation():
     error = found.states.position[0] - run.states.position[0]
     sigma = 3.0 * found.std[0]
     right.plot(ts, z[0] - run.states.position[0], ".", color="C7", ms=3)
-    right.plot(ts, error, label="error of the filter")
-    right.plot(ts, sigma, "--", color="C3", label="three sigma")
+    right.plot(ts, error, label="filter error")
+    right.plot(ts, sigma, "--", color="C3", label="3 sigma")
     right.plot(ts, -sigma, "--", color="C3")
     right.set(
         xlabel="time",
         ylabel="x",
-        title="A filter on an orbit, started wrong",
+        title="Orbit filter with a wrong initial state",
         ylim=(-0.16, 0.16),
     )
     right.legend()

@@ -38,5 +38,5 @@ for axes, energy in zip(both, (1.5, 17.0), strict=True):
         angle = np.degrees((angle + np.pi) % (2.0 * np.pi) - np.pi)
         axes.plot(angle, w[i] + part * (w[i + 1] - w[i]), ".", ms=2.0)
     axes.set(xlabel="lower angle, deg", title=f"Energy {energy:g} J")
-both[0].set_ylabel("rate of the lower angle, rad/s")
+both[0].set_ylabel("lower angle rate, rad/s")
 plt.show()

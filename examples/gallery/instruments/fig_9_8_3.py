@@ -23,6 +23,6 @@ for ratio in (0.6, 1.2, 1.6):
         axes.axvline(
             jnp.degrees(jnp.arccos(1.0 / ratio)), color="0.4", lw=0.8
         )
-axes.set(xlabel="tilt, deg", ylabel="rate of tilt, rad/s", ylim=(1e-6, 1.0))
+axes.set(xlabel="tilt, deg", ylabel="tilt rate, rad/s", ylim=(1e-6, 1.0))
 axes.legend()
 plt.show()

@@ -40,10 +40,10 @@ for axes, offset, title in zip(
         jnp.degrees(compass.rest_azimuth),
         jnp.degrees(compass.rest_tilt),
     )
-    axes.plot(*rest, "P", color="C1", ms=7, label="rest")
+    axes.plot(*rest, "P", color="C1", ms=7, label="equilibrium")
     axes.axhline(0.0, color="0.4", lw=0.8)
     axes.axvline(0.0, color="0.4", lw=0.8)
-    axes.set(xlabel="west of north, deg", title=title, aspect=20.0)
+    axes.set(xlabel="azimuth west of north, deg", title=title, aspect=20.0)
 both[0].set_ylabel("elevation, deg")
 both[0].invert_xaxis()
 both[1].legend(loc="lower left")

@@ -33,9 +33,11 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.8))
 for sign in (1.0, -1.0):
     left.plot(ratio, sign * jnp.degrees(side), "C0")
 left.plot(ratio, jnp.where(ratio > 1.0, 0.0, jnp.nan), "C1--")
-left.set(xlabel="rate / sqrt(g / r)", ylabel="angle of rest, deg")
+left.set(xlabel="hoop rate / sqrt(g / r)", ylabel="equilibrium angle, deg")
 for theta, style in ((side, "C0"), (jnp.zeros_like(side), "C1--")):
     right.plot(ratio, growth(ratio * critical, theta) * r / g, style)
-right.set(xlabel="rate / sqrt(g / r)", ylabel="squared frequency / (g / r)")
+right.set(
+    xlabel="hoop rate / sqrt(g / r)", ylabel="squared frequency / (g / r)"
+)
 right.axhline(0.0, color="0.4", lw=0.8)
 plt.show()

@@ -36,10 +36,10 @@ x = jnp.linspace(0.0, 1.0, 200)
 figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.8))
 for k, root in enumerate(beam_roots("free-free", 3)):
     left.plot(x, beam_shape("free-free", root, x), label=f"mode {k + 1}")
-left.set(xlabel="place along the missile / length", ylabel="shape")
+left.set(xlabel="position along the missile / length", ylabel="shape")
 left.legend()
 gain = jnp.linspace(0.0, 2.0, 150)
-for place, label in ((0.0, "gyro in the middle"), (9.9, "gyro at the nose")):
+for place, label in ((0.0, "gyro at mid-length"), (9.9, "gyro at the nose")):
     found = roots(gain, jnp.full_like(gain, place)).ravel()
     right.plot(jnp.real(found), jnp.imag(found), ".", ms=2, label=label)
 right.axvline(0.0, color="0.4", lw=0.8)

@@ -25,9 +25,11 @@ for share in (0.1, 0.3, 0.65, 1.0, 2.0):
     left.plot(time * natural, angle)
     answer = jnp.abs(gyro.frequency_response(ratio * natural)) * K / H
     right.loglog(ratio, answer, label=f"{share:g}")
-left.set(xlabel="time times natural frequency", ylabel="angle / steady angle")
-left.set_title("Rate step")
+left.set(
+    xlabel="time x natural frequency", ylabel="angle / steady-state angle"
+)
+left.set_title("Step response")
 right.set(xlabel="frequency / natural frequency", ylabel="amplitude ratio")
-right.set(ylim=(0.009, 9.0), title="Oscillating rate")
+right.set(ylim=(0.009, 9.0), title="Frequency response")
 right.legend(title="damping ratio", loc="lower left")
 plt.show()

@@ -33,5 +33,7 @@ axes.plot(0.0, 0.0, "ko", ms=5)
 axes.invert_yaxis()
 axes.set(xlabel="across the slope, m", ylabel="down the slope, m")
 axes.set_aspect("equal")
-axes.legend(title="roll, rad/s", loc="center left", bbox_to_anchor=(1.0, 0.5))
+axes.legend(
+    title="rolling rate, rad/s", loc="center left", bbox_to_anchor=(1.0, 0.5)
+)
 plt.show()

@@ -22,7 +22,9 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.8))
 left.plot(c, jnp.max(jnp.real(roots), axis=0))
 left.axvline(rho**2 / a, color="0.4", lw=0.8)
 left.axhline(0.0, color="0.4", lw=0.8)
-left.set(xlabel="wheel behind mass centre, m", ylabel="growth, 1/s")
+left.set(
+    xlabel="wheel distance behind mass centre, m", ylabel="growth rate, 1/s"
+)
 points = right.scatter(
     jnp.real(roots).ravel(),
     jnp.imag(roots).ravel(),
@@ -30,7 +32,7 @@ points = right.scatter(
     s=5,
     cmap="viridis",
 )
-figure.colorbar(points, label="wheel behind mass centre, m")
+figure.colorbar(points, label="wheel distance behind mass centre, m")
 right.axvline(0.0, color="0.4", lw=0.8)
 right.set(xlabel="real part, 1/s", ylabel="imaginary part, rad/s")
 plt.show()

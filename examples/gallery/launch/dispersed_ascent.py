@@ -31,8 +31,8 @@ for k, (name, design) in enumerate(assessment.designs.items()):
     free = [x for path, x in design.x.items() if "angles" in path]
     angles = [*steering["angles"][:2], *free]
     right.plot(steering["times"], np.rad2deg(angles), label=name)
-left.set(xlabel="periapsis altitude, km", ylabel="runs of 4,096")
-right.set(xlabel="time, s", ylabel="pitch of the first stage, deg")
+left.set(xlabel="periapsis altitude, km", ylabel="number of runs (of 4,096)")
+right.set(xlabel="time, s", ylabel="first-stage pitch, deg")
 left.legend()
 right.legend()
 plt.show()

@@ -21,9 +21,7 @@ for k, impulse in enumerate((200.0, 300.0, 400.0)):
         v = vertical_burnout_velocity(impulse * g, 1.0 / left, time, g)
         label = f"I = {impulse:.0f} s" if ratio == 3.0 else None
         axes.plot(left, v / 1e3, line, color=f"C{k}", label=label)
-axes.set(
-    xlabel="mass at burnout over mass at the start", ylabel="speed, km/s"
-)
+axes.set(xlabel="burnout mass / initial mass", ylabel="speed, km/s")
 axes.set(xlim=(0.0, 0.6), ylim=(0.0, None))
 axes.legend()
 plt.show()

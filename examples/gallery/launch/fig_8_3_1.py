@@ -59,6 +59,6 @@ eps = jnp.linspace(-0.1, 0.1, 25)
 for k in (1, 2, 3):
     right.plot(eps, [loss(float(e), k) for e in eps], label=f"k = {k}")
 right.set_xticks([-0.1, -0.05, 0.0, 0.05, 0.1])
-right.set(xlabel="eps, rad", ylabel="loss of velocity, m/s")
+right.set(xlabel="eps, rad", ylabel="velocity loss, m/s")
 right.legend()
 plt.show()

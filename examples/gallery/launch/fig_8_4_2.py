@@ -35,6 +35,9 @@ for factor in (0.7, 0.85, 1.0, 1.15, 1.3):
         share, final(share, factor * T0), line, label=f"{factor * T0:.0f} s"
     )
 axes.plot(best.first / V, best.final_velocity, "ko", ms=5)
-axes.set(xlabel="share of the first impulse", ylabel="final velocity, m/s")
+axes.set(
+    xlabel="first impulse / total impulse",
+    ylabel="final velocity, m/s",
+)
 axes.legend(title="duration")
 plt.show()

@@ -28,5 +28,5 @@ for degrees in (2, 5, 10, 20, 30):
         dots.range / 1e3, dots.height / 1e3, ".", color=line.get_color()
     )
 axes.set(xlabel="range, km", ylabel="height, km", aspect="equal")
-axes.legend(title="at the start")
+axes.legend(title="initial angle")
 plt.show()

@@ -53,8 +53,8 @@ for name, phase in run.items():
 r, v = run.final.position, run.final.velocity
 print("height, km", (norm(r) - radius) / 1e3, "m/s", dot(r, v) / norm(r))
 print("mass, kg", run.final.mass)
-left.set(ylabel="pitch of the axis, deg")
+left.set(ylabel="pitch, deg")
 high.set(ylabel="height, km")
 press.set(xlabel="time, s", ylabel="dynamic pressure, kPa")
-feel.set(xlabel="time, s", ylabel="acceleration felt, m/s$^2$")
+feel.set(xlabel="time, s", ylabel="proper acceleration, m/s$^2$")
 plt.show()

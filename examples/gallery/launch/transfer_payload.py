@@ -27,6 +27,6 @@ for name, design in assessment.designs.items():
         apoapsis, 60, alpha=0.5, label=f"{name}: {float(payload):.0f} kg"
     )
 axes.axvline(35786.0, color="k", ls="--", lw=0.8)
-axes.set(xlabel="apoapsis altitude, km", ylabel="runs of 4,096")
+axes.set(xlabel="apoapsis altitude, km", ylabel="number of runs (of 4,096)")
 axes.legend()
 plt.show()

@@ -32,10 +32,10 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(7.6, 3.8))
 for k in range(0, 45, 6):
     left.plot([float(place[0, k]), 0], [0, float(jnp.sin(tilt[k]))], "0.75")
 left.plot(space[0], space[1], "o-", ms=3)
-left.set(title="In space", xlabel="x / length", ylabel="y / length")
+left.set(title="Space centrode", xlabel="x / length", ylabel="y / length")
 right.plot([0, 1], [0, 0], color="0.75", lw=3)
 right.plot(body[0], body[1], "o-", ms=3, color="C1")
-right.set(title="In the ladder", xlabel="along it / length")
+right.set(title="Body centrode", xlabel="position along the ladder / length")
 for axes in (left, right):
     axes.set_aspect("equal")
 plt.show()

@@ -41,8 +41,8 @@ p2, q2 = size * (1.0 - e2), size * (1.0 + e2)
 ways = {
     "perigee to apogee": (p1, q1, q2, p2),
     "apogee to perigee": (q1, p1, p2, q2),
-    "turned: perigee to perigee": (p1, q1, p2, q2),
-    "turned: apogee to apogee": (q1, p1, q2, p2),
+    "opposite: perigee to perigee": (p1, q1, p2, q2),
+    "opposite: apogee to apogee": (q1, p1, q2, p2),
 }
 for name, radii in ways.items():
     right.plot(size, coaxial_transfer(*radii, 1.0).total, label=name)

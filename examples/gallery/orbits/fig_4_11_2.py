@@ -20,14 +20,14 @@ axes.semilogx(ratio, hohmann.total, label="Hohmann")
 for k, out in enumerate((30.0, 1e6)):
     wide = ratio[ratio < out]
     cost = bielliptic_transfer(1.0, out, wide, 1.0).total
-    name = "infinity" if out > 1e3 else f"{out:.0f} times as far"
-    axes.semilogx(wide, cost, "--", color=f"C{k + 1}", label=f"by {name}")
+    name = "infinity" if out > 1e3 else f"{out:.0f} radii"
+    axes.semilogx(wide, cost, "--", color=f"C{k + 1}", label=f"via {name}")
 axes.axhline(jnp.sqrt(2.0) - 1.0, color="0.5", lw=0.9, ls=":")
 axes.text(30.0, 0.42, "escape", fontsize=8, color="0.4")
 best = int(jnp.argmax(hohmann.total))
 axes.plot(ratio[best], hohmann.total[best], "ko", ms=4)
-axes.set(xlabel="radius of the end / radius of the start")
-axes.set(ylabel="impulses / circular speed at the start", ylim=(0.0, 0.65))
+axes.set(xlabel="final radius / initial radius")
+axes.set(ylabel="total impulse / initial circular speed", ylim=(0.0, 0.65))
 axes.set_xticks([1, 2, 5, 10, 20, 50, 100])
 axes.set_xticklabels(["1", "2", "5", "10", "20", "50", "100"])
 axes.minorticks_off()

@@ -33,7 +33,7 @@ axes.plot(*target[:2], "ks", ms=5)
 axes.set(xlabel="x / r", ylabel="y / r", aspect="equal")
 axes.set_xticks([-0.5, 0.0, 0.5, 1.0])
 axes.legend(
-    title="time / period of\nthe first circle",
+    title="time / period of\nthe initial orbit",
     loc="center left",
     bbox_to_anchor=(1.0, 0.5),
 )

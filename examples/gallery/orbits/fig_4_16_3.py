@@ -27,8 +27,11 @@ for k, turns in enumerate((1, 2, 3, 5)):
             color=f"C{k}",
             label=name,
         )
-axes.set(xlabel="target ahead, deg", ylabel="impulses / circular speed")
+axes.set(
+    xlabel="lead angle of the target, deg",
+    ylabel="total impulse / circular speed",
+)
 axes.set(xticks=range(0, 361, 60), ylim=(0.0, 0.8))
-axes.set_title("Inner ellipse (lines), outer ellipse (dashed)")
-axes.legend(title="turns N")
+axes.set_title("Inner ellipse (solid), outer ellipse (dashed)")
+axes.legend(title="revolutions N")
 plt.show()

@@ -22,7 +22,7 @@ for k, lam in enumerate((0.2, 0.4, 0.6, 0.8, 0.9, 1.0, 1.1)):
 speed = jnp.sqrt(jnp.linspace(0.01, 0.9999, 200))
 longest, best = longest_range(1.0, speed, 1.0)
 axes.plot(jnp.degrees(best), jnp.degrees(longest), "--", color="0.4", lw=1.0)
-axes.set(xlabel="angle of the path at burnout, deg", ylabel="range, deg")
+axes.set(xlabel="flight-path angle at burnout, deg", ylabel="range, deg")
 axes.set(yticks=range(0, 361, 60), xticks=range(0, 91, 15))
 axes.legend(title="lambda")
 plt.show()

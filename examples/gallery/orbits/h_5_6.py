@@ -25,7 +25,7 @@ for n in (-1.0, 1.0, 2.0, 3.0, 4.0):
     shape = effective_potential(potential, r, 1.0) - level
     axes.plot(r, shape, label=f"{n:g}")
 axes.plot(1.0, 0.0, "ko", ms=4)
-axes.set(xlabel="r", ylabel="pseudo-potential above that of the circle")
+axes.set(xlabel="r", ylabel="effective potential above the circular orbit")
 axes.set(ylim=(-0.4, 0.6))
 axes.legend(title="n")
 plt.show()

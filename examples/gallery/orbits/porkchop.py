@@ -48,5 +48,5 @@ lines = axes.contour(
 axes.clabel(lines, fontsize=7)
 axes.set(xlabel="departure, days after the opposition")
 axes.set(ylabel="arrival, days after the opposition")
-axes.set_title("Both impulses, km/s")
+axes.set_title("Total impulse, km/s")
 plt.show()

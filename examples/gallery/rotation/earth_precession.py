@@ -37,7 +37,7 @@ left.annotate(
     "pole of the ecliptic", (0.0, 0.0), (0.0, -4.0), ha="center", size=8
 )
 left.set(xlabel="deg", ylabel="deg", aspect="equal")
-left.set_title(f"One turn in {whole:,.0f} years")
+left.set_title(f"Precession with a period of {whole:,.0f} years")
 
 t = jnp.linspace(0.0, 1.0, 2000) * year
 psi = dtheta = 0.0

@@ -22,7 +22,7 @@ for degrees in (50.0, 90.0, 130.0):
     left.plot(rate, spin, label=f"{degrees:.0f} deg")
 left.set(xlabel="precession rate, rad/s", ylabel="spin, rad/s")
 left.set_ylim(0.0, 1000.0)
-left.legend(title="axle from the vertical")
+left.legend(title="axle angle from the vertical")
 for k, turning in enumerate((3.0, 4.2, 5.0, 6.5)):
     b, _, spin = gyro_on_a_string(0.5 * jnp.pi, turning, *body)
     x, z = 0.5 * jnp.sin(b), -0.5 * jnp.cos(b)
@@ -32,7 +32,9 @@ for k, turning in enumerate((3.0, 4.2, 5.0, 6.5)):
     label = f"{turning:g} rad/s"
     right.plot([x + 0.06] * 2, wheel, color=f"C{k}", lw=5.0, label=label)
 right.axvline(0.0, color="0.4", lw=0.8, ls="--")
-right.set(xlabel="from the axis, m", ylabel="below the support, m")
+right.set(
+    xlabel="distance from the axis, m", ylabel="distance below the support, m"
+)
 right.set(xlim=(-0.03, 0.56), aspect="equal", title="Horizontal axle")
 right.legend(loc="upper right")
 plt.show()

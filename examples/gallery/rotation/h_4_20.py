@@ -25,7 +25,7 @@ for k, degrees in enumerate((0.01, 30.0, 60.0, 80.0, 120.0)):
     axes.plot(n, slow, color=f"C{k}", label=f"{degrees:.0f} deg")
     axes.plot(n, fast, color=f"C{k}")
 axes.plot(spin, 0.08 / (6.0e-4 * spin), "--", color="0.5", lw=1.0)
-axes.set(xlabel="spin, rad/s", ylabel="rate of precession, rad/s")
+axes.set(xlabel="spin, rad/s", ylabel="precession rate, rad/s")
 axes.set(ylim=(-30.0, 80.0), xlim=(0.0, 100.0))
 axes.legend(title="θ")
 plt.show()

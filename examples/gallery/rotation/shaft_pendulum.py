@@ -27,8 +27,8 @@ for k, r in enumerate((0.05, 0.2, 0.4)):
 for sign in (1.0, -1.0):
     left.plot(ratio, sign * jnp.degrees(out), "C0")
 left.plot([1.0, 2.5], [0.0, 0.0], "C0--")
-left.set(xlabel="rate / critical rate", ylabel="angle of rest, deg")
+left.set(xlabel="rate / critical rate", ylabel="equilibrium angle, deg")
 right.set(xlabel="rate / critical rate", ylabel="frequency / sqrt(g / a)")
 right.set_ylim(0.0)
-right.legend(title="radius of the disk")
+right.legend(title="disk radius")
 plt.show()

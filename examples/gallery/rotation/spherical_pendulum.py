@@ -31,7 +31,7 @@ for k, axes in enumerate(three):
     axes.plot(x[:, k], y[:, k], lw=1.0)
     axes.plot(x[0, k], y[0, k], "o", color="C1", ms=5)
     share = float(rates[k] / conical)
-    axes.set_title(f"{share:.2f} of the conical rate")
+    axes.set_title(f"{share:.2f} x conical rate")
     axes.set(
         xlabel="x, m", aspect="equal", xlim=(-1.9, 1.9), ylim=(-1.9, 1.9)
     )

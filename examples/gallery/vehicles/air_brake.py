@@ -57,13 +57,16 @@ for _ in range(14):
 print("gain, drag and share", law * guess, "miss of 64", found[0])
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.8))
-for values, name in ((jnp.ones(3), "first guess"), (law, "tuned")):
+for values, name in (
+    (jnp.ones(3), "initial gains"),
+    (law, "optimised gains"),
+):
     apogees, ts, share = fly(values, jnp.arange(64, 1064))
     error = np.abs(apogees - target)
     print(name, np.mean(error), np.max(error), np.mean(error < 5.0))
     left.hist(apogees - target, 40, alpha=0.8, label=name)
-left.set(xlabel="apogee - 3000 m, m", ylabel="flights of 1000")
+left.set(xlabel="apogee - 3000 m, m", ylabel="number of flights (of 1000)")
 left.legend()
 right.plot(ts[:, :10], share[:, :10], color="C1", lw=0.9)
-right.set(xlabel="time, s", ylabel="open share of the brake")
+right.set(xlabel="time, s", ylabel="brake opening, 0 to 1")
 plt.show()

@@ -40,7 +40,7 @@ for name, line in lines.items():
     ends = jnp.arange(60, t.size + 1, 60) - 1
     left.plot(east[ends] / 1e3, height[ends] / 1e3, "x", c=curve.get_color())
     print(name, "east, km", east[-1] / 1e3, "speed, m/s", speed[-1])
-left.set(xlabel="over the ground, km", ylabel="height, km")
+left.set(xlabel="ground range, km", ylabel="height, km")
 left.legend()
-right.set(xlabel="time, s", ylabel="speed over the ground, km/s")
+right.set(xlabel="time, s", ylabel="ground speed, km/s")
 plt.show()

@@ -38,7 +38,7 @@ at_rest = BodyState(
 )
 y = simulate(burning, at_rest, jnp.linspace(0.0, burn, 13)).states
 axes.plot(y.mass / loaded, y.omega[0] / 0.05, "k.", ms=5)
-axes.set(xlabel="mass over initial mass", xlim=(1.0, 0.1), ylim=(0.0, 1.3))
-axes.set(ylabel="rate over initial rate")
+axes.set(xlabel="mass / initial mass", xlim=(1.0, 0.1), ylim=(0.0, 1.3))
+axes.set(ylabel="rate / initial rate")
 axes.legend(title="l / k")
 plt.show()

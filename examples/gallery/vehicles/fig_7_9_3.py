@@ -16,7 +16,7 @@ jaxspace.enable_x64()
 k, k_z, lever = 1.5, 0.4, 2.0  # m
 t = jnp.linspace(0.0, 100.0, 4001)  # s
 figure, axes = plt.subplots(1, 3, figsize=(8.4, 3.2), sharey=True)
-titles = ("spin grows", "spin stays", "spin decays")
+titles = ("increasing spin", "constant spin", "decreasing spin")
 for frame, ring, title in zip(axes, (0.2, 0.4, 0.6), titles, strict=True):
     # A slow spin, so that single turns can be seen.
     rocket = SpinningRocket.of_lengths(0.6, 0.008, k, k_z, lever, ring)

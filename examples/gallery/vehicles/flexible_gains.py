@@ -35,8 +35,12 @@ for k, (name, design) in enumerate(assessment.designs.items()):
     right.plot(roots.real, roots.imag, f"C{k}.", ms=1.5, alpha=0.5)
 left.axvline(0.25, color="0.4", lw=0.8)
 right.axvline(0.0, color="0.4", lw=0.8)
-left.set(xlabel="lean after 4 s, deg", ylabel="runs of 4,096")
+left.set(
+    xlabel="axis error after 4 s, deg", ylabel="number of runs (of 4,096)"
+)
 right.set(xlim=(-0.8, 0.1), ylim=(0.0, 14.0))
-right.set(xlabel="decay of a root, 1/s", ylabel="its frequency, rad/s")
+right.set(
+    xlabel="decay rate of a root, 1/s", ylabel="frequency of the root, rad/s"
+)
 left.legend()
 plt.show()

@@ -52,7 +52,9 @@ print("left alone", rate[-1].mean(), rate[-1].std())
 ts, rate, roll = fly(1.0, jnp.arange(1000))
 left.plot(ts[:, :8], rate[:, :8] / (2.0 * jnp.pi), color="C1", lw=0.9)
 print("held within 2 deg", jnp.mean(jnp.abs(roll[-1]) < 2.0), rate[-1].std())
-left.set(xlabel="time, s", ylabel="roll, turns per second")
+left.set(xlabel="time, s", ylabel="roll rate, rev/s")
 right.hist(roll[-1], 40, range=(-4.0, 4.0))
-right.set(xlabel="roll at the end, deg", ylabel="flights of 1000")
+right.set(
+    xlabel="final roll angle, deg", ylabel="number of flights (of 1000)"
+)
 plt.show()

@@ -26,7 +26,7 @@ growth = jnp.where(growth > 1e-6, growth, jnp.nan)
 
 figure, axes = plt.subplots(figsize=(5.8, 4.8))
 shades = axes.pcolormesh(roll, yaw, growth, cmap="YlOrBr", vmin=0.0)
-figure.colorbar(shades, label="rate of growth / orbital rate")
+figure.colorbar(shades, label="growth rate / orbital rate")
 axes.axhline(0.0, color="0.4", lw=0.8)
 axes.axvline(0.0, color="0.4", lw=0.8)
 axes.plot([-1, 1], [-1, 1], color="0.4", lw=0.8)

@@ -22,13 +22,13 @@ for length in (0.4, 0.8, 1.6):
     left.plot(
         jnp.degrees(angle), arms.spin_rate(angle, w0), label=f"{length:g}"
     )
-left.set(xlabel="angle of the arms, deg", ylabel="spin, rad/s")
+left.set(xlabel="arm angle, deg", ylabel="spin, rad/s")
 left.set(xticks=range(0, 91, 15), ylim=(0.0, 10.5))
 left.legend(title="length, m")
 arms = SwingOutArms(2.0, 0.2, 0.5, 0.8)
 time = jax.vmap(lambda theta: arms.swing_time(theta, w0))(angle)
 right.plot(1e3 * time, arms.spin_rate(angle, w0), label="spin")
-right.plot(1e3 * time, arms.angle_rate(angle, w0), label="rate of the arms")
+right.plot(1e3 * time, arms.angle_rate(angle, w0), label="arm rate")
 right.set(xlabel="time, ms", ylabel="rad/s", ylim=(0.0, 15.0))
 right.legend()
 plt.show()

@@ -31,9 +31,9 @@ for name, design in assessment.designs.items():
     left.hist(speed, np.linspace(0.0, 60.0, 80), alpha=0.5, label=name)
     throttles = [x for path, x in design.x.items() if "throttles" in path]
     altitude = design.x["phase.0.until.at_altitude.altitude"]
-    right.plot(times, throttles, label=f"ignited at {float(altitude):.0f} m")
-left.set(xlabel="speed at the ground, m/s", ylabel="runs of 4,096")
-right.set(xlabel="time since the ignition, s", ylabel="throttle")
+    right.plot(times, throttles, label=f"ignition at {float(altitude):.0f} m")
+left.set(xlabel="touchdown speed, m/s", ylabel="number of runs (of 4,096)")
+right.set(xlabel="time since ignition, s", ylabel="throttle")
 left.legend()
 right.legend()
 plt.show()
