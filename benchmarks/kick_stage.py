@@ -21,7 +21,7 @@ from ._measure import optional
 
 FILE = Path(__file__).parents[1] / "examples" / "scenes" / "kick_stage.toml"
 RUNS = 8192
-PLANNED = 2**15  # so many that their stages are written out (`is_small`)
+PLANNED = 2**15  # so many that their stages are written out (`rolls_stages`)
 COMPARED = 64  # runs repeated for the reference
 SOUNDINGS = 5
 

@@ -21,7 +21,7 @@ SLACK = 1e-6
 difference."""
 
 
-MOST = 10**7
+MOST_TICKS = 10**7
 """Maximum number of ticks of a clock: their commands and readings require some gigabytes."""
 
 
@@ -74,11 +74,11 @@ def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) ->
     - `breaks`: times from the start, s, (times, *#runs), traced or not; `None` where there are
       none.
 
-    **Raises** `InputError` for more than `MOST` ticks of a clock."""
+    **Raises** `InputError` for more than `MOST_TICKS` ticks of a clock."""
     span = float(ts[-1] - ts[0])
     shortest = min(clock.period for clock in clocks)
     count = span / shortest
-    if count > MOST:
+    if count > MOST_TICKS:
         raise InputError(
             f"ts spans {span:.6g} s, which is {count:.3g} periods of {shortest:.6g} s: at most 1e7 "
             "periods are allowed."
@@ -136,7 +136,7 @@ def _with_breaks(times: np.ndarray, ticks: np.ndarray, saved: np.ndarray, breaks
     return Nodes(merged, moved, place[saved], (False,) * ticks.shape[1])
 
 
-def ended(nodes: Nodes, end: Array, slack: float) -> Nodes:
+def stopped_at(nodes: Nodes, end: Array, slack: float) -> Nodes:
     """The nodes of a loop that ends `end`, s, after its start: later nodes are moved to the end,
     and no clock ticks there.
 

@@ -32,7 +32,7 @@ from ..integration.layout import broadcast_state, runs_of
 from ..simulation.trajectory import Trajectory
 from ._controller import AbstractController, as_controller
 from ._loop_run import LoopOptions, LoopRun, run_loop
-from ._program import Known, Static, alone, as_events, as_key
+from ._program import LoopInputs, Static, alone, as_events, as_key
 from ._repeats import config_of, repeated
 from ._sampled_loop import AbstractSampledLoop
 from ._sensors import AbstractSensor, check_period, known_seconds
@@ -155,8 +155,8 @@ class ClosedLoop(AbstractSampledLoop):
                 "contain a key for each run, such as jax.random.split(key, runs)."
             )
         events = as_events((until,)) if isinstance(until, Event) else ()
-        known = Known(self.numbers, y0, start, key, None, events, end)
-        return repeated(alone, known, config, Static.of(self, ts, run_axes))[0]
+        inputs = LoopInputs(self.numbers, y0, start, key, None, events, end)
+        return repeated(alone, inputs, config, Static.of(self, ts, run_axes))[0]
 
     def simulate(
         self,

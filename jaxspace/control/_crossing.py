@@ -15,7 +15,7 @@ from ..core import AbstractSystem, State
 from ..integration.events import Event, newton_correct
 from ..solvers import FixedSteps
 from ._advance import advance, select
-from ._setting import Setting
+from ._loop_parts import LoopParts
 
 ITERATIONS = 60
 """Iterations of false position; a smooth condition requires about six."""
@@ -46,7 +46,7 @@ def not_stopped(events: tuple[Event, ...], t: Array, y: State, runs: Array) -> S
 
 
 def crossed(
-    setting: Setting,
+    parts: LoopParts,
     held: AbstractSystem,
     stop: Stop,
     still: Array,
@@ -61,9 +61,9 @@ def crossed(
 
     - `still`: the runs that ended before.
     - `t`, `duration`: start and length of the interval, s; `y0`, `y1`: the states at its ends."""
-    events = setting.events
+    events = parts.events
     # A few steps of each run, so that the cost of the search is its compilation.
-    method = setting.method.small_program()
+    method = parts.method.rolled_stages()
     values = values_of(events, t + duration, y1, still)
     hits = jnp.stack(
         [_hit(event, stop.values[k], values[k]) & ~still for k, event in enumerate(events)]

@@ -26,7 +26,7 @@ from ..simulation.run_call import RunCall
 from ..simulation.trajectory import run_of
 from ._clocks import known_times
 from ._controller import AbstractController
-from ._program import Known, Static, as_events, as_key, compiled
+from ._program import LoopInputs, Static, as_events, as_key, compiled
 from ._repeats import config_of, repeated, steps_of
 from ._sampled_loop import AbstractSampledLoop
 
@@ -145,7 +145,7 @@ def run_loop(
     start = times[0] if options.start is None else options.start
     start = jnp.asarray(start, state_dtype(y0))
     key = as_key(loop.key if options.key is None else options.key)
-    numbers = Known(loop.numbers, y0, start, key, options.memory, events, None)
+    numbers = LoopInputs(loop.numbers, y0, start, key, options.memory, events, None)
     # Fixed steps have no control of their error: the run is repeated until its largest one passes.
     result, config = repeated(compiled, numbers, config, Static.of(loop, times, run_axes))
     trajectory = dataclasses.replace(result, call=RunCall(loop.system, accuracy, config))

@@ -16,22 +16,22 @@ from ..core.tracing import count_operations
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state, times_behind_components
-from ..integration.programs import Runs, is_small
+from ..integration.programs import Runs, rolls_stages
 from ..simulation.batch_layout import cut_batch, local_blocks, split_batch
 from ..simulation.blocks import jit_wide_vectors
 from ..simulation.masking import mask_invalid
 from ..simulation.trajectory import Trajectory
 from ..solvers import FixedSteps
-from ..solvers.protocol import small_program
+from ..solvers.protocol import rolled_stages
 from ..solvers.tolerances import Tolerance
-from ._clocks import SLACK, Clock, Nodes, at_nodes, ended, nodes_of
+from ._clocks import SLACK, Clock, Nodes, at_nodes, nodes_of, stopped_at
+from ._loop_parts import LoopParts
 from ._sampled_loop import AbstractSampledLoop
 from ._samples import SampledRun, run_samples
-from ._setting import Setting
 from .commands import Actuate
 
 
-class Known(NamedTuple):
+class LoopInputs(NamedTuple):
     """The numbers of a run.
 
     - `parts`: of the loop: system, controller, sensors, limit and quantum.
@@ -87,49 +87,49 @@ def as_events(events: PyTree) -> tuple[Event, ...]:
 
 
 @jit_wide_vectors
-def compiled(known: Known, config: IntegrationConfig, static: Static) -> Trajectory:
+def compiled(inputs: LoopInputs, config: IntegrationConfig, static: Static) -> Trajectory:
     """One run, or a batch in blocks; each run has noise from its own key."""
     if static.run_axes == 0:
-        return _run(known, config, static)
-    given = (known.y0, known.start, known.memory)
-    batched, shared, runs = split_batch(known.parts, given, 0.0, None, 0)
+        return _run(inputs, config, static)
+    given = (inputs.y0, inputs.start, inputs.memory)
+    batched, shared, runs = split_batch(inputs.parts, given, 0.0, None, 0)
     # Before the runs are cut into blocks, so that the noise of a run does not depend on their size.
-    keys = None if known.key is None else jax.random.split(known.key, runs)
+    keys = None if inputs.key is None else jax.random.split(inputs.key, runs)
     blocks = local_blocks((batched, shared), runs)
 
     def piece(mapped: PyTree, shared: PyTree) -> Trajectory:
         mapped, keys = mapped
         parts, (y0, start, memory), _ = cut_batch(mapped, shared)
-        block = known._replace(parts=parts, y0=y0, start=start, key=keys, memory=memory)
+        block = inputs._replace(parts=parts, y0=y0, start=start, key=keys, memory=memory)
         return _run(block, config, static)
 
     return blocks.map(piece, (batched, keys), shared)
 
 
 @jit_wide_vectors
-def alone(known: Known, config: IntegrationConfig, static: Static) -> Trajectory:
+def alone(inputs: LoopInputs, config: IntegrationConfig, static: Static) -> Trajectory:
     """One run, or one block of runs that are cut already, with a key for each."""
-    return _run(known, config, static)
+    return _run(inputs, config, static)
 
 
-def _run(known: Known, config: IntegrationConfig, static: Static) -> Trajectory:
-    system, controller, sensors, limit, quantum = known.parts
-    start, end, run_axes = known.start, known.end, static.run_axes
+def _run(inputs: LoopInputs, config: IntegrationConfig, static: Static) -> Trajectory:
+    system, controller, sensors, limit, quantum = inputs.parts
+    start, end, run_axes = inputs.start, inputs.end, static.run_axes
     ts = np.array(static.ts)
     periods = tuple(s.period or static.period for s in (sensors or {}).values())
     waiting, clocks = _clocks_of(static, periods)
     nodes = _nodes_of(system, start, ts, clocks)
     if end is not None:
-        nodes = ended(nodes, end, SLACK * min(clock.period for clock in clocks))
-    y0 = broadcast_state(system, jnp.zeros((), start.dtype), known.y0)
+        nodes = stopped_at(nodes, end, SLACK * min(clock.period for clock in clocks))
+    y0 = broadcast_state(system, jnp.zeros((), start.dtype), inputs.y0)
     method = _method_of(config, system, start, y0, run_axes)
-    setting = Setting(
+    parts = LoopParts(
         system=system,
         controller=controller,
         sensors=sensors,
         limit=limit,
         quantum=quantum,
-        events=known.events,
+        events=inputs.events,
         tolerance=Tolerance(config.rtol, config.atol, run_axes),
         method=method,
         actuate=static.actuate,
@@ -139,7 +139,7 @@ def _run(known: Known, config: IntegrationConfig, static: Static) -> Trajectory:
         waiting=waiting + 1,
         run_axes=run_axes,
     )
-    sampled = run_samples(setting, y0, known.memory, start, nodes, known.key)
+    sampled = run_samples(parts, y0, inputs.memory, start, nodes, inputs.key)
     times = start + jnp.asarray(ts - ts[0], start.dtype).reshape(-1, *(1,) * start.ndim)
     if end is not None:
         times = jnp.minimum(times, start + end)
@@ -152,7 +152,7 @@ def _run(known: Known, config: IntegrationConfig, static: Static) -> Trajectory:
         "steps": jnp.full(sampled.status.shape, passes * method.steps),
         "evaluations": jnp.full(sampled.status.shape, passes * method.traits.evaluations),
     }
-    return _result(sampled, nodes, times, stats, len(known.events), run_axes)
+    return _result(sampled, nodes, times, stats, len(inputs.events), run_axes)
 
 
 def _clocks_of(static: Static, periods: tuple[float, ...]) -> tuple[int, tuple[Clock, ...]]:
@@ -189,12 +189,12 @@ def _nodes_of(
 def _method_of(
     config: IntegrationConfig, system: AbstractSystem, start: Array, y0: State, run_axes: int
 ) -> FixedSteps:
-    """The method of the steps between nodes, as a small program where that pays."""
+    """The method of the steps between nodes, with rolled stages where that pays."""
     method = config.solver
     # A loop contains a step in three places.
     kind = Runs.CLOSED_LOOPS if run_axes else Runs.ONE_CLOSED_LOOP
-    if is_small(kind, _operations(system, start, y0)):
-        method = small_program(method)
+    if rolls_stages(kind, _operations(system, start, y0)):
+        method = rolled_stages(method)
     assert isinstance(method, FixedSteps)
     return method
 

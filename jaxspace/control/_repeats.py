@@ -14,7 +14,7 @@ from ..simulation.repeat import error_of_too_few_steps
 from ..simulation.trajectory import Trajectory
 from ..solvers import FixedSteps
 from ._advance import as_fixed
-from ._program import Known, Static
+from ._program import LoopInputs, Static
 from ._sampled_loop import AbstractSampledLoop
 
 REPEATS = 3
@@ -23,13 +23,16 @@ steps."""
 
 
 def repeated(
-    program: Callable[..., Trajectory], known: Known, config: IntegrationConfig, static: Static
+    program: Callable[..., Trajectory],
+    inputs: LoopInputs,
+    config: IntegrationConfig,
+    static: Static,
 ) -> tuple[Trajectory, IntegrationConfig]:
     """The run, repeated with finer steps if they were too few and the numbers are known."""
     for _ in range(REPEATS + 1):
-        result = program(known, config, static)
+        result = program(inputs, config, static)
         # Traced numbers have no known error that could decide.
-        if is_traced(known) or not is_concrete(result.status):
+        if is_traced(inputs) or not is_concrete(result.status):
             break
         error = float(np.max(error_of_too_few_steps(result)))
         if error == 0.0:

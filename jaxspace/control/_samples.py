@@ -1,7 +1,7 @@
 """The loop over samples as one scan: read, decide, command, integrate to the next node.
 
-Every pass is the same program, whatever the length of the run. Reverse mode stores only the states
-between the passes, and recomputes each pass.
+Every iteration is the same program, whatever the length of the run. Reverse mode stores only the
+states between the iterations, and recomputes each iteration.
 """
 
 from typing import NamedTuple
@@ -17,16 +17,16 @@ from ._advance import advance, select
 from ._clocks import Nodes
 from ._controller import act_on, started
 from ._crossing import Stop, crossed, not_stopped
+from ._loop_parts import LoopParts
 from ._sensors import Keys, drawing
-from ._setting import Setting
-from .commands import Held, clipped, rounded
+from .commands import ZeroOrderHold, clipped, rounded
 
 CONTROL, ARRIVAL = 0, 1
 """The numbers of the first two clocks; those of the sensors follow."""
 
 
-class Passing(NamedTuple):
-    """Carry of the scan from one pass to the next.
+class LoopState(NamedTuple):
+    """Carry of the scan from one iteration to the next.
 
     - `drifts`, `readings`: of the sensors by name; `counts`: number of readings of each.
     - `queue`: delayed commands; `command`: the one in force; `slope`: its rate, or `None`; `fresh`:
@@ -62,7 +62,7 @@ class SampledRun(NamedTuple):
 
 
 def run_samples(
-    setting: Setting,
+    parts: LoopParts,
     y0: State,
     memory: PyTree,
     start: Scalar,
@@ -81,20 +81,20 @@ def run_samples(
     ticks = jnp.asarray(nodes.ticks)
     start = jnp.asarray(start, dtype)
     spans = times[1:] - times[:-1]
-    first = _first(setting, y0, memory, start, keys)
+    first = _first(parts, y0, memory, start, keys)
 
-    def one(passing: Passing, at: tuple[Array, Array, Array]) -> tuple[Passing, tuple]:
+    def one(state: LoopState, at: tuple[Array, Array, Array]) -> tuple[LoopState, tuple]:
         since, span, ticks = at
-        return _pass(setting, passing, start + since, span, ticks, nodes.always, keys)
+        return _iteration(parts, state, start + since, span, ticks, nodes.always, keys)
 
     xs = (times[:-1], spans, ticks)
-    # Checkpointed, so that reverse mode stores one state for each pass, and not every stage.
+    # Checkpointed, so that reverse mode stores one state for each iteration, and not every stage.
     last, rows = jax.lax.scan(jax.checkpoint(one), first, xs)
     states = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first.y, rows[0])
-    alive = setting.tolerance.alive(last.y)
+    alive = parts.tolerance.alive(last.y)
     status = jnp.where(last.stop.number >= 0, Status.EVENT, Status.COMPLETED)
     # An event with a longest time was promised: to end without it is a failure.
-    expected = any(event.within is not None for event in setting.events)
+    expected = any(event.within is not None for event in parts.events)
     if expected:
         status = jnp.where(last.stop.number >= 0, status, Status.EVENT_MISSED)
     status = jnp.where(last.stop.bad, Status.CONDITION_NOT_FINITE, status)
@@ -105,37 +105,37 @@ def run_samples(
     return SampledRun(states, rows[1], rows[2], last.memory, last.y, status, last.worst, last.stop)
 
 
-def _first(setting: Setting, y0: State, memory: PyTree, t: Array, keys: Keys | None) -> Passing:
-    """The carry before the first pass: no readings, and a command of zeros."""
-    runs = setting.tolerance.alive(y0)
-    sensors = setting.sensors or {}
+def _first(parts: LoopParts, y0: State, memory: PyTree, t: Array, keys: Keys | None) -> LoopState:
+    """The carry before the first iteration: no readings, and a command of zeros."""
+    runs = parts.tolerance.alive(y0)
+    sensors = parts.sensors or {}
     drifts = {name: s.drift(t, y0) for name, s in sensors.items()}
     counts = {name: jnp.zeros((), jnp.int32) for name in sensors}
     numbers = {name: k for k, name in enumerate(sensors)}
 
     def read(y: State) -> dict[str, PyTree]:
-        return {n: _read(setting, n, numbers[n], t, y, drifts, counts, keys)[0] for n in sensors}
+        return {n: _read(parts, n, numbers[n], t, y, drifts, counts, keys)[0] for n in sensors}
 
     shapes = jax.eval_shape(read, y0)
     readings = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
-    seen = readings if setting.sensors else y0
+    seen = readings if parts.sensors else y0
     if memory is None:
-        memory = started(setting.controller, seen, setting.run_axes)
+        memory = started(parts.controller, seen, parts.run_axes)
 
     def decide(memory: PyTree, seen: PyTree) -> PyTree:
-        return act_on(setting.controller, t, memory, seen, setting.run_axes)
+        return act_on(parts.controller, t, memory, seen, parts.run_axes)
 
     # Only the shapes, because the controller must not act before its first sample.
     asked, _ = jax.eval_shape(decide, memory, seen)
     dtype = jnp.result_type(*jax.tree.leaves(y0))
     idle = jax.tree.map(lambda u: jnp.zeros(u.shape, dtype), asked)
-    slope = idle if setting.line else None
+    slope = idle if parts.line else None
     # Until the first command arrives after the delay, the actuators are off.
-    queue = (idle,) * setting.waiting
+    queue = (idle,) * parts.waiting
     worst = jnp.zeros(runs.shape, dtype)
-    stop = not_stopped(setting.events, t, y0, runs)
+    stop = not_stopped(parts.events, t, y0, runs)
     never = jnp.zeros(runs.shape, bool)
-    return Passing(
+    return LoopState(
         y=y0,
         memory=memory,
         drifts=drifts,
@@ -152,7 +152,7 @@ def _first(setting: Setting, y0: State, memory: PyTree, t: Array, keys: Keys | N
 
 
 def _read(
-    setting: Setting,
+    parts: LoopParts,
     name: str,
     number: int,
     t: Array,
@@ -161,36 +161,36 @@ def _read(
     counts: dict[str, Array],
     keys: Keys | None,
 ) -> tuple[PyTree, PyTree]:
-    assert setting.sensors is not None
-    draw = drawing(keys, number, counts[name], setting.run_axes, name)
-    elapsed = setting.elapsed[number]
-    return setting.sensors[name].read(t, y, drifts[name], elapsed, draw)
+    assert parts.sensors is not None
+    draw = drawing(keys, number, counts[name], parts.run_axes, name)
+    elapsed = parts.elapsed[number]
+    return parts.sensors[name].read(t, y, drifts[name], elapsed, draw)
 
 
-def _pass(
-    setting: Setting,
-    p: Passing,
+def _iteration(
+    parts: LoopParts,
+    p: LoopState,
     t: Array,
     span: Array,
     ticks: Array,
     always: tuple[bool, ...],
     keys: Keys | None,
-) -> tuple[Passing, tuple]:
-    """One pass: readings and commands at the node at `t`, and the motion over `span`, s, after
+) -> tuple[LoopState, tuple]:
+    """One iteration: readings and commands at the node at `t`, and the motion over `span`, s, after
     it."""
-    p = _sensed(setting, p, t, ticks, always, keys)
-    p = _decided(setting, p, t, ticks[CONTROL], always[CONTROL])
-    p = _arrived(setting, p, ticks[ARRIVAL], always[ARRIVAL])
+    p = _sensed(parts, p, t, ticks, always, keys)
+    p = _decided(parts, p, t, ticks[CONTROL], always[CONTROL])
+    p = _arrived(parts, p, ticks[ARRIVAL], always[ARRIVAL])
     # Behind a barrier: otherwise the compiler repeats the whole controller in every stage.
     p = barrier(p)
-    held = Held(setting.system, setting.actuate, p.command, p.slope, t, setting.limit)
-    y1, error = barrier(advance(held, p.y, t, span, setting.method))
+    held = ZeroOrderHold(parts.system, parts.actuate, p.command, p.slope, t, parts.limit)
+    y1, error = barrier(advance(held, p.y, t, span, parts.method))
     # Without derivatives, because no result depends on it, and they would cost more than the step.
-    local = setting.tolerance.error(*jax.lax.stop_gradient((p.y, y1, error)))
+    local = parts.tolerance.error(*jax.lax.stop_gradient((p.y, y1, error)))
     still = (p.stop.number >= 0) | p.bad
     stop = p.stop
-    if setting.events:
-        y1, stop = crossed(setting, held, p.stop, still, t, span, p.y, y1)
+    if parts.events:
+        y1, stop = crossed(parts, held, p.stop, still, t, span, p.y, y1)
     y1 = select(still, p.y, y1)
     worst = jnp.where(still, p.worst, jnp.maximum(p.worst, local))
     p = p._replace(y=y1, worst=worst, stop=stop)
@@ -198,19 +198,19 @@ def _pass(
 
 
 def _sensed(
-    setting: Setting,
-    p: Passing,
+    parts: LoopParts,
+    p: LoopState,
     t: Array,
     ticks: Array,
     always: tuple[bool, ...],
     keys: Keys | None,
-) -> Passing:
+) -> LoopState:
     readings = dict(p.readings)
     drifts = dict(p.drifts)
     counts = dict(p.counts)
-    for number, name in enumerate(setting.sensors or {}):
+    for number, name in enumerate(parts.sensors or {}):
         tick = ticks[2 + number]
-        new = _read(setting, name, number, t, p.y, p.drifts, p.counts, keys)
+        new = _read(parts, name, number, t, p.y, p.drifts, p.counts, keys)
         if not always[2 + number]:
             new = select(tick, new, (p.readings[name], p.drifts[name]))
         readings[name], drifts[name] = new
@@ -220,20 +220,20 @@ def _sensed(
     return p._replace(readings=readings, drifts=drifts, counts=counts)
 
 
-def _decided(setting: Setting, p: Passing, t: Array, tick: Array, always: bool) -> Passing:
+def _decided(parts: LoopParts, p: LoopState, t: Array, tick: Array, always: bool) -> LoopState:
     """The carry after the controller has acted, where its clock ticks."""
 
-    def act(p: Passing) -> Passing:
-        seen = p.readings if setting.sensors else p.y
-        asked, memory = act_on(setting.controller, t, p.memory, seen, setting.run_axes)
+    def act(p: LoopState) -> LoopState:
+        seen = p.readings if parts.sensors else p.y
+        asked, memory = act_on(parts.controller, t, p.memory, seen, parts.run_axes)
         asked = jax.tree.map(lambda u, old: u.astype(old.dtype), asked, p.command)
-        finite = setting.tolerance.alive(asked)
+        finite = parts.tolerance.alive(asked)
         # Where the command is not finite it is zero, so that sums over a batch stay finite.
         asked = select(finite, asked, jax.tree.map(jnp.zeros_like, asked))
         # Before rounding, because a quantum is no limit: an integral has to work against it.
-        cut = clipped(asked, setting.limit)
-        memory = setting.controller.settle(memory, asked, cut)
-        applied = rounded(cut, setting.quantum)
+        cut = clipped(asked, parts.limit)
+        memory = parts.controller.settle(memory, asked, cut)
+        applied = rounded(cut, parts.quantum)
         running = (p.stop.number < 0) & ~p.bad
         queue = (*p.queue[1:], applied)
         return p._replace(memory=memory, queue=queue, bad=p.bad | (running & ~finite))
@@ -248,13 +248,13 @@ def _decided(setting: Setting, p: Passing, t: Array, tick: Array, always: bool) 
     return p._replace(**{n: select(tick, getattr(acted, n), getattr(p, n)) for n in names})
 
 
-def _arrived(setting: Setting, p: Passing, tick: Array, always: bool) -> Passing:
+def _arrived(parts: LoopParts, p: LoopState, tick: Array, always: bool) -> LoopState:
     """The carry after the arrival of a command at the actuators, where the clock of arrivals
     ticks."""
     command, slope = p.queue[0], p.slope
-    if setting.line:
+    if parts.line:
         # The first command has no predecessor, and thus no slope.
-        share = jnp.where(p.fresh, 0.0, 1.0 / setting.period)
+        share = jnp.where(p.fresh, 0.0, 1.0 / parts.period)
         slope = jax.tree.map(lambda u, old: share.astype(u.dtype) * (u - old), command, p.command)
     if not always:
         command, slope = select(tick, (command, slope), (p.command, p.slope))

@@ -53,7 +53,7 @@ def with_command(system: AbstractSystem, command: PyTree) -> AbstractSystem:
 
 
 @final
-class Held(AbstractSystem):
+class ZeroOrderHold(AbstractSystem):
     """A system between two samples, under a command that is constant or linear in time.
 
     `limit` bounds the linear command."""

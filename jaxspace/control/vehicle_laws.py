@@ -62,7 +62,7 @@ class ApogeeControl(AbstractController):
 
     target: NumberField = quantity("m", doc="h, z of the target apogee")
     drag: NumberField = quantity(
-        "1/m", positive=True, doc="b, of the vehicle with the brake at its typical setting"
+        "1/m", positive=True, doc="b, of the vehicle with the brake at its typical parts"
     )
     gain: NumberField = quantity("1/m", non_negative=True, doc="k, share over predicted excess")
     share: NumberField = quantity("", default=0.0, doc="s_0, opening without excess")

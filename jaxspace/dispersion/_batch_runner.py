@@ -4,7 +4,7 @@ One compiled program draws the inputs, and another runs the missions of every ca
 numbers of runs, chunks, cores and processes are: a call has a fixed number of runs in fixed blocks,
 and is never divided among cores. The results of run i therefore depend on the campaign, the seed
 and i only, bit for bit (on one kind of processor), except for a change at the number of planned
-runs from which a faster program with a longer compilation pays off (`is_small`).
+runs from which a faster program with a longer compilation pays off (`rolls_stages`).
 """
 
 import hashlib
@@ -37,7 +37,7 @@ from ._program import (
     draw_inputs,
     drawn_by,
     program,
-    runs_as_small_program,
+    runs_with_rolled_stages,
 )
 from ._saved_states import StatesToStore
 
@@ -45,7 +45,7 @@ from ._saved_states import StatesToStore
 class PreparedCampaign(NamedTuple):
     """Everything on which the numbers of a run depend; it can be sent to another process.
 
-    - `small`: whether the steps are a small program (`is_small`).
+    - `rolled`: whether the stages are rolled (`rolls_stages`).
     - `samples`: number of saved states of each phase, 0 for none; or their times.
     - `digest`: of the results of the first call, which differs between campaigns, versions or
       processors with different results."""
@@ -53,7 +53,7 @@ class PreparedCampaign(NamedTuple):
     campaign: Campaign
     accuracy: Accuracy
     seed: int
-    small: bool
+    rolled: bool
     samples: StatesToStore
     digest: str
 
@@ -96,25 +96,25 @@ class BatchRunner(AbstractRunner):
         devices: Sequence[jax.Device],
         samples: StatesToStore,
         runs: int,
-        small: bool | None = None,
+        rolled: bool | None = None,
     ) -> "BatchRunner":
         """Compile the program of a campaign of so many runs, and run its first call.
 
-        `small`: that of a store that is resumed, whose number of runs may have been another one.
+        `rolled`: that of a store that is resumed, whose number of runs may have been another one.
 
         The exact part of the motion is in closed form where the steps would run out otherwise.
         Warns of times that none of the runs of the first call reaches. **Raises** `SimulationError`
         if the nominal run fails, and `InputError` for outputs that are not one number for each run,
         or that mix runs."""
         block = Blocks.on(devices[:1], call_size(devices)).size
-        if small is None:
-            small = runs_as_small_program(campaign, accuracy, block, runs)
-        prepared = PreparedCampaign(campaign, accuracy, seed, small, samples, "")
+        if rolled is None:
+            rolled = runs_with_rolled_stages(campaign, accuracy, block, runs)
+        prepared = PreparedCampaign(campaign, accuracy, seed, rolled, samples, "")
         runner = cls(prepared, devices)
         runner._compile_and_check()
         status, nominal = runner._run_first()
         if for_turns(campaign, accuracy, status) is not None:
-            return cls.prepare(campaign, exact(accuracy), seed, devices, samples, runs, small)
+            return cls.prepare(campaign, exact(accuracy), seed, devices, samples, runs, rolled)
         if status in (Status.NOT_FINITE, Status.MAX_STEPS):
             raise SimulationError(f"The nominal run cannot be simulated. {Status(status).sentence}")
         if status != Status.TOLERANCE_MISSED:
@@ -247,8 +247,8 @@ class BatchRunner(AbstractRunner):
 
     def _arguments(self, drawn: Drawn) -> tuple[PyTree, ...]:
         """Arguments of the compiled program of the missions."""
-        campaign, accuracy, _, small, samples, _ = self.prepared
-        return campaign, accuracy, drawn, self.blocks, samples, small
+        campaign, accuracy, _, rolled, samples, _ = self.prepared
+        return campaign, accuracy, drawn, self.blocks, samples, rolled
 
 
 def _digest(results: RunResults) -> str:

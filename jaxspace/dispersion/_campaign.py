@@ -215,7 +215,7 @@ class Campaign(AbstractCampaign):
         - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
           campaign. One by purpose is in the result: `dispersion.purpose.tolerance`.
         - `num_saved`: number of states of each phase that are saved.
-        - `runs`: number of runs of the campaign, from which its program follows (`is_small`).
+        - `runs`: number of runs of the campaign, from which its program follows (`rolls_stages`).
 
         **Returns** a `Replay`: inputs and outputs, bit-identical to those of the campaign, and the
         trajectory. A run that fails has the status for it.

@@ -119,7 +119,7 @@ def disperse(
     - `seed`: seed of the random inputs. On the same kind of processor and with the same versions,
       run number i has bit-identical inputs and outputs for any `runs`, `chunk`, `engine` and
       `devices`, and also after a restart. Only campaigns large enough for a longer compilation to
-      pay off (`is_small`) use different steps.
+      pay off (`rolls_stages`) use different steps.
     - `chunk`: number of runs after which results are fetched and stored, rounded up to whole calls
       of 512 runs (2^14 on an accelerator). It bounds the memory.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
@@ -204,14 +204,14 @@ def disperse(
 
         def prepare(rtol: float) -> BatchRunner:
             tolerance = dataclasses.replace(accuracy, rtol=rtol)
-            return BatchRunner.prepare(campaign, tolerance, seed, local, kept_states, runs, small)
+            return BatchRunner.prepare(campaign, tolerance, seed, local, kept_states, runs, rolled)
 
-        there = small = None
+        there = rolled = None
         if writer is not None and resume:
             # Only the process that holds the lock has read the store by now.
             there = writer.store.attributes or Store(writer.store.path).read().attributes
             _check_extension(campaign, int(there.get("planned_runs", runs)), runs)
-            small = bool(there.get("small_program", False))
+            rolled = bool(there.get("rolled_stages", False))
         runner, found = _prepared(prepare, asked, accuracy, runs, there)
         # After compiling and the first call: the time that follows grows with the number of runs.
         preparation = time.perf_counter() - started
@@ -280,8 +280,8 @@ def _attributes_of(
     prepared = runner.prepared
     attributes: Record = {**record(prepared.campaign, prepared.accuracy, runs), **notes}
     attributes |= {"digest": prepared.digest, "chunk": runner.chunk(chunk), "seed": prepared.seed}
-    if prepared.small:
-        attributes["small_program"] = True
+    if prepared.rolled:
+        attributes["rolled_stages"] = True
     if runner.nominal is not None:
         attributes["nominal"] = runner.nominal
     if times is not None:

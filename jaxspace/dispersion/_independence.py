@@ -69,7 +69,7 @@ def _first_runs(
     nominal = campaign.nominal()
     samples = {name: jnp.concatenate([x, drawn[name][:CHECKED]]) for name, x in nominal.items()}
     # Few runs, whose program takes far longer to compile than to run.
-    result, _ = run_inputs(campaign, accuracy, samples, 2, small=True)
+    result, _ = run_inputs(campaign, accuracy, samples, 2, rolled=True)
     return FirstRuns(result, samples)
 
 

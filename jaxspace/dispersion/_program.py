@@ -18,7 +18,7 @@ from ..core.barrier import barrier
 from ..core.jit import jit_quickly, quick_jit
 from ..core.status import Status
 from ..integration.accuracy import Accuracy
-from ..integration.programs import Runs, is_small
+from ..integration.programs import Runs, rolls_stages
 from ..simulation.blocks import WIDE_VECTORS, Blocks
 from ..simulation.failures import nan_where_failed
 from ..simulation.phases import resolve_and_count
@@ -72,19 +72,19 @@ def call_size(devices: Sequence[jax.Device]) -> int:
     return CALL if devices[0].platform == "cpu" else ACCELERATOR_CALL
 
 
-def runs_as_small_program(
+def runs_with_rolled_stages(
     campaign: AbstractCampaign, accuracy: Accuracy, block: int, runs: int
 ) -> bool:
-    """Whether the steps of this many planned `runs` are a small program.
+    """Whether the stages of this many planned `runs` are rolled.
 
     `block`: runs in a block, whose program then finds its vector fields traced."""
 
-    def small(campaign: AbstractCampaign, accuracy: Accuracy) -> bool:
+    def rolled(campaign: AbstractCampaign, accuracy: Accuracy) -> bool:
         mission, y0 = campaign.mission(campaign.nominal(block))
         _, operations = resolve_and_count(mission, y0, accuracy, 1)
-        return is_small(Runs.CAMPAIGN, operations, runs)
+        return rolls_stages(Runs.CAMPAIGN, operations, runs)
 
-    return eqx.filter_eval_shape(small, campaign, accuracy)
+    return eqx.filter_eval_shape(rolled, campaign, accuracy)
 
 
 @functools.cache
@@ -99,7 +99,7 @@ def _run(
     drawn: Drawn,
     blocks: Blocks,
     samples: StatesToStore,
-    small: bool,
+    rolled: bool,
 ) -> RunResults:
     """The runs with these inputs."""
 
@@ -107,7 +107,7 @@ def _run(
         batched: tuple[dict[str, Array], Array],
         arguments: tuple[AbstractCampaign, Accuracy, StatesToStore],
     ) -> RunResults:
-        return _block(*arguments, *batched, small)
+        return _block(*arguments, *batched, rolled)
 
     batched = (drawn.used, drawn.status)
     results = blocks.map(block, batched, (campaign, accuracy, samples))
@@ -120,10 +120,10 @@ def _block(
     samples: StatesToStore,
     inputs: dict[str, Float[Array, " runs"]],
     not_run: Integer[Array, " runs"],
-    small: bool,
+    rolled: bool,
 ) -> RunResults:
     saved = saved_of(campaign.along, samples)
-    result, _ = run_inputs(campaign, accuracy, inputs, saved, small=small, rolled=True)
+    result, _ = run_inputs(campaign, accuracy, inputs, saved, rolled=rolled, shared_program=True)
     outputs = outputs_of(campaign.outputs, for_outputs(result, samples), inputs)
     # A rejected run has been computed with the others: its status marks it.
     status = jnp.where(not_run == Status.COMPLETED, result.status, not_run)

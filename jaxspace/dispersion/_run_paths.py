@@ -92,7 +92,7 @@ def _run(
     samples = {name: jnp.concatenate([x, drawn[name]]) for name, x in nominal.items()}
     allowed = campaign.allowed(samples)
     samples = nominal_unless(allowed, campaign, samples)
-    result, _ = run_inputs(campaign, accuracy, samples, num_saved, small=True)
+    result, _ = run_inputs(campaign, accuracy, samples, num_saved, rolled=True)
     found = [getattr(phase.states, "position", None) for phase in result.phases]
     parts = [x for x in found if x is not None and x.shape[0] == 3]
     if len(parts) < len(found):

@@ -22,17 +22,19 @@ def run_inputs(
     inputs: Inputs,
     num_saved: int | Sequence[SaveTimes],
     *,
-    small: bool | None = None,
-    rolled: bool = False,
+    rolled: bool | None = None,
+    shared_program: bool = False,
 ) -> tuple[MissionTrajectory, tuple[IntegrationConfig, ...]]:
     """The runs with these inputs, and the configuration of each phase.
 
     **Arguments**
 
-    - `num_saved`, `rolled`: as in `run_mission`; `small`: as in `resolve_phases`."""
+    - `num_saved`, `shared_program`: as in `run_mission`; `rolled`: as in `resolve_phases`."""
     mission, y0 = campaign.mission(inputs)
-    configs = resolve_phases(mission, y0, accuracy, 1, small=small)
-    result = run_mission(mission, y0, campaign.start, num_saved, configs, 1, rolled=rolled)
+    configs = resolve_phases(mission, y0, accuracy, 1, rolled=rolled)
+    result = run_mission(
+        mission, y0, campaign.start, num_saved, configs, 1, shared_program=shared_program
+    )
     return result, configs
 
 

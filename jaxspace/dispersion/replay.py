@@ -23,7 +23,7 @@ from ._exact_parts import for_turns
 from ._interface import AbstractCampaign
 from ._isolation import RAISED, callbacks, reason
 from ._outputs import raised
-from ._program import Drawn, call_size, draw_inputs, program, runs_as_small_program
+from ._program import Drawn, call_size, draw_inputs, program, runs_with_rolled_stages
 from ._runs import run_inputs
 from ._saved_states import saved_states, thinned
 from .purpose import with_tolerance
@@ -63,7 +63,7 @@ def _run(
     num_saved: int,
 ) -> tuple[MissionTrajectory, tuple[IntegrationConfig, ...]]:
     saved, every_nth = saved_states(campaign.along, num_saved)
-    result, configs = run_inputs(campaign, accuracy, samples, saved, small=True)
+    result, configs = run_inputs(campaign, accuracy, samples, saved, rolled=True)
     return thinned(result, every_nth), configs
 
 
@@ -73,9 +73,9 @@ def _outputs(
     """The outputs of the first of these runs, from the program of a campaign of `runs` runs."""
     devices = jax.local_devices()[:1]
     blocks = Blocks.on(devices, call_size(devices))
-    small = runs_as_small_program(campaign, accuracy, blocks.size, runs)
+    rolled = runs_with_rolled_stages(campaign, accuracy, blocks.size, runs)
     # A whole call, because other numbers of runs would be other programs.
-    results = program(devices[0].platform)(campaign, accuracy, drawn, blocks, 0, small)
+    results = program(devices[0].platform)(campaign, accuracy, drawn, blocks, 0, rolled)
     return {name: float(np.asarray(x)[0]) for name, x in results.outputs.items()}
 
 

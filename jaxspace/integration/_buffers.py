@@ -60,7 +60,7 @@ class SavedStates(NamedTuple):
             following = rows_of(save_ts, jnp.minimum(count, last))
             return SavedStates(states, count, jnp.where(count > last, jnp.inf, following))
 
-        # A step may pass several save times or none: most passes of the loop save nothing and cost
+        # A step may pass several save times or none: most iterations save nothing and cost
         # nothing.
         return jax.lax.while_loop(lambda saved: jnp.any(saved.next_ts <= reached), append, self)
 
@@ -88,8 +88,8 @@ class Buffers(NamedTuple):
         layout: RecordLayout,
     ) -> "Buffers":
         """The buffers with step number `n` of each run: its `end`, and the state `y` there. The
-        record, of this `layout`, has a row for each pass in which a run moved, this one with its
-        `number` and its `step`.
+        record, of this `layout`, has a row for each iteration in which a run moved, this one with
+        its `number` and its `step`.
 
         A step that was not `taken` writes no row, or one that the next step overwrites."""
         _, ends, states, recording = self

@@ -26,7 +26,7 @@ CLOSING_STEPS = 128
 NARROW = 1e-4
 
 
-class _Bracket(NamedTuple):
+class _RunBracket(NamedTuple):
     """The bracket of the zero: from `low`, where the condition has the `sign`, to `high`; the next
     point is `guess`.
 
@@ -135,7 +135,7 @@ def _first_bracket(
     g: tuple[Scalar, Scalar],
     slopes: tuple[Scalar, Scalar],
     sought: Bool[Array, "*runs"],
-) -> _Bracket:
+) -> _RunBracket:
     """The bracket between two samples; arguments as of `close_in`."""
     first, end = span
     sign = jnp.sign(g[0])
@@ -149,7 +149,7 @@ def _first_bracket(
     share = jnp.where(jnp.isfinite(share), jnp.clip(share, 0.02, 0.98), 0.5)
     guess = first + share * (end - first)
     there = jax.eval_shape(lambda t: within.at(t).y, guess)
-    return _Bracket(
+    return _RunBracket(
         low=first,
         high=end,
         guess=guess,
@@ -166,11 +166,11 @@ def _first_bracket(
 
 def _closer(
     within: WithinSpan,
-    old: _Bracket,
+    old: _RunBracket,
     forwards: Scalar,
     length: Scalar,
     back: Bool[Array, "*#runs"],
-) -> _Bracket:
+) -> _RunBracket:
     """The bracket after one more guess.
 
     **Arguments**
@@ -207,7 +207,7 @@ def zero_share(g: tuple[Scalar, Scalar], slopes: tuple[Scalar, Scalar], length: 
     return jnp.where(monotonic, cubic, secant)
 
 
-def _reaching(bracket: _Bracket) -> Bool[Array, "*#runs"]:
+def _reaching(bracket: _RunBracket) -> Bool[Array, "*#runs"]:
     """Whether a dip might reach zero within the bracket."""
     length = jnp.abs(bracket.high - bracket.low)
     sizes, (first, last) = bracket.sizes, bracket.slopes
@@ -222,7 +222,7 @@ def tangent_reaches(
     return (sizes[0] <= changes[0]) | (sizes[1] <= changes[1])
 
 
-def _narrowed(bracket: _Bracket, value: Scalar, away: Scalar, back: Array) -> _Bracket:
+def _narrowed(bracket: _RunBracket, value: Scalar, away: Scalar, back: Array) -> _RunBracket:
     """The bracket with its guess, where the condition is `value`, as one of its ends.
 
     **Arguments**
@@ -248,7 +248,7 @@ def _narrowed(bracket: _Bracket, value: Scalar, away: Scalar, back: Array) -> _B
     )
 
 
-def _next_guess(bracket: _Bracket, value: Scalar, slope: Scalar) -> Scalar:
+def _next_guess(bracket: _RunBracket, value: Scalar, slope: Scalar) -> Scalar:
     """Newton's step; in a dip the zero of the secant of the slopes; else the middle."""
     low, high, guess, _, dip, _, slopes, *_ = bracket
     newton = guess - value / jnp.where(slope == 0.0, 1.0, slope)

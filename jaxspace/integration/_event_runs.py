@@ -1,7 +1,7 @@
 """The zeros of a condition by further integrations: samples of the dense output of one, and short
 ones from the sample before each zero.
 
-For methods whose steps cannot be searched while they are taken (`_event_location`)."""
+For methods whose steps cannot be searched while they are taken (`_event_state`)."""
 
 from typing import NamedTuple
 
@@ -16,9 +16,9 @@ from ._event_bracket import Place, close_in
 from ._in_turn import in_turn
 from .config import IntegrationConfig
 from .event_zero import (
-    APART,
+    RESOLVED_ROUNDINGS,
     ROUNDINGS,
-    Zero,
+    Root,
     candidates,
     dips,
     ill_after,
@@ -47,7 +47,7 @@ class ConditionOnRun(NamedTuple):
     def state(self, y: State, t: Scalar, end: Scalar) -> State:
         """The state at `end`, s, of the run that has the state `y` at `t`."""
         # Short integrations, and one more program of a step: a small one.
-        config = self.config.small_program()
+        config = self.config.rolled_stages()
         result = integrate(self.system, y, t, end, None, config, self.run_axes, trimmed=True)
         return state_at(result.states, -1, self.run_axes)
 
@@ -62,19 +62,19 @@ class ConditionOnRun(NamedTuple):
 class FromSample(NamedTuple):
     """The condition of an event, by integrations from the state `y` at the time `t`, s."""
 
-    along: ConditionOnRun
+    on_run: ConditionOnRun
     y: State
     t: Scalar
 
     @property
     def event(self) -> Event:
         """The event."""
-        return self.along.event
+        return self.on_run.event
 
     def at(self, t: Scalar) -> Place:
         """The function that is zero at the event, and its rate along the run."""
-        system = self.along.system
-        y = barrier(self.along.state(self.y, self.t, t))
+        system = self.on_run.system
+        y = barrier(self.on_run.state(self.y, self.t, t))
         rate = system.vector_field(t, y)
         # Many operations read them, with each of which the compiler would evaluate them again.
         return barrier(Place(*self.event.slope_along(system, t, y, rate), y, rate))
@@ -109,7 +109,7 @@ class Samples(NamedTuple):
     ill: Scalar
 
 
-class Zeros(NamedTuple):
+class Roots(NamedTuple):
     """The zeros of a condition along each run, while they are searched.
 
     - `times`, `states`, `rising`: of the zeros, on the first axis, as in `Crossings`; `count`: how
@@ -127,22 +127,22 @@ class Zeros(NamedTuple):
 
 
 def first_zero(
-    along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar, start_known: Scalar | None = None
-) -> Zero:
+    on_run: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar, start_known: Scalar | None = None
+) -> Root:
     """The first zero of the condition of each run between `t0` and `t1`, s; `start_known` as in
     `first_event`, of this event."""
     # Equal parts of the time, from the dense output of one integration.
-    fractions = jnp.linspace(0.0, 1.0, along.event.samples + 1, dtype=jnp.result_type(t0))
+    fractions = jnp.linspace(0.0, 1.0, on_run.event.samples + 1, dtype=jnp.result_type(t0))
     times = t0 + jnp.multiply.outer(fractions, t1 - t0)
-    samples = sampled(along, times, along.states(y0, t0, t1, fractions), start_known)
-    zeros = zeros_between(along, samples, 1, 1)
+    samples = sampled(on_run, times, on_run.states(y0, t0, t1, fractions), start_known)
+    zeros = zeros_between(on_run, samples, 1, 1)
     at_zero = samples.at_zero
     hit = zeros.count > 0
     # Where there is none, the end of the run.
     when = jnp.where(hit | zeros.unresolved, zeros.times[0], t1)
     after = jnp.abs(when - t0)
     eps = float(jnp.finfo(samples.g.dtype).eps)
-    resolved = APART * eps * jnp.maximum(jnp.abs(t0), jnp.abs(when))
+    resolved = RESOLVED_ROUNDINGS * eps * jnp.maximum(jnp.abs(t0), jnp.abs(when))
     # An event within the rounding of the time of the start, as of a ball at rest.
     piled = at_zero & hit & (after <= resolved) & ~samples.counts_at_start
     status = jnp.where(piled, Status.EVENTS_PILE_UP, Status.EVENT_UNRESOLVED)
@@ -150,46 +150,46 @@ def first_zero(
     # If there are two reasons, the one that comes first along the run counts.
     status = jnp.where(samples.ill <= failed, Status.CONDITION_NOT_FINITE, status)
     failed = jnp.minimum(samples.ill, failed)
-    return Zero(when, hit, samples.size, status.astype(jnp.int32), failed)
+    return Root(when, hit, samples.size, status.astype(jnp.int32), failed)
 
 
-def zeros_between(along: ConditionOnRun, samples: Samples, limit: int, rows: int) -> Zeros:
+def zeros_between(on_run: ConditionOnRun, samples: Samples, limit: int, rows: int) -> Roots:
     """The first zeros of each run, `limit` of them at most, of which as many `rows` are stored."""
-    event, runs = along.event, samples.times.shape[1:]
+    event, runs = on_run.event, samples.times.shape[1:]
     intervals = samples.candidate.shape[0]
 
-    def sought_in(zeros: Zeros) -> Array:
+    def sought_in(zeros: Roots) -> Array:
         """Whether each run has another interval to search."""
         return (zeros.following < intervals) & (zeros.count < limit) & ~zeros.unresolved
 
     # Intervals are searched one by one, because a dip may turn out to contain no zero.
-    def look(zeros: Zeros) -> Zeros:
+    def next_root(zeros: Roots) -> Roots:
         sought, index = sought_in(zeros), jnp.minimum(zeros.following, intervals - 1)
         knots = samples.times, samples.g, samples.slopes
-        t, value, slope = pick(knots, index, along.run_axes)
-        end, other, last_slope = pick(knots, index + 1, along.run_axes)
+        t, value, slope = pick(knots, index, on_run.run_axes)
+        end, other, last_slope = pick(knots, index + 1, on_run.run_axes)
         dip = (value * other > 0.0) & ~zeros.again
         # The second zero of a dip is sought from its first one, where the sign is opposite.
         number = jnp.clip(zeros.count - 1, 0, rows - 1)
-        last = pick(zeros.times, number, along.run_axes)
+        last = pick(zeros.times, number, on_run.run_axes)
         start = jnp.where(zeros.again, last, t)
         value = jnp.where(zeros.again, -other, value)
-        within = FromSample(along, pick(samples.states, index, along.run_axes), t)
+        within = FromSample(on_run, pick(samples.states, index, on_run.run_axes), t)
         ends = (t, end), (value, other), (slope, last_slope)
         zero = close_in(within, *ends, sought, start)
         good = sought & zero.met & zero.sure
         unsure = sought & ~zero.sure
         row = jnp.where(good | unsure, zeros.count, rows)
         found = zero.time, zero.y, zero.rising
-        times, states, rising = put(zeros[:3], row, found, along.run_axes)
+        times, states, rising = put(zeros[:3], row, found, on_run.run_axes)
         # The second zero of a dip counts only for an event of both directions.
         again = good & dip & (event.direction == 0)
-        return Zeros(
+        return Roots(
             times,
             states,
             rising,
             zeros.count + good.astype(int),
-            jnp.where(sought & ~again, pick(ahead, index + 1, along.run_axes), zeros.following),
+            jnp.where(sought & ~again, pick(ahead, index + 1, on_run.run_axes), zeros.following),
             again,
             zeros.unresolved | unsure,
         )
@@ -201,7 +201,7 @@ def zeros_between(along: ConditionOnRun, samples: Samples, limit: int, rows: int
     none = jnp.zeros(runs, bool)
     admitted = event.direction * samples.away >= 0.0
     at_start = samples.at_zero & admitted & samples.counts_at_start
-    start = Zeros(
+    start = Roots(
         times=rows_of(samples.times[0]),
         states=jax.tree.map(lambda x: rows_of(x[0]), samples.states),
         rising=rows_of(samples.away > 0.0),
@@ -210,21 +210,21 @@ def zeros_between(along: ConditionOnRun, samples: Samples, limit: int, rows: int
         again=none,
         unresolved=none,
     )
-    return jax.lax.while_loop(lambda zeros: jnp.any(sought_in(zeros)), look, start)
+    return jax.lax.while_loop(lambda zeros: jnp.any(sought_in(zeros)), next_root, start)
 
 
 def sampled(
-    along: ConditionOnRun,
+    on_run: ConditionOnRun,
     times: Float[Array, "samples *#runs"],
     states: State,
     start_known: Scalar | None = None,
 ) -> Samples:
     """The condition at these times, s, and the states there, times first; `start_known` as in
     `first_event`, of this event."""
-    system, event, _, run_axes = along
+    system, event, _, run_axes = on_run
     t0, t1 = times[0], times[-1]
     y0 = jax.tree.map(lambda x: x[0], states)
-    g, slopes = in_turn(lambda sample: along.slope(*sample), (times, states))
+    g, slopes = in_turn(lambda sample: on_run.slope(*sample), (times, states))
     g, slopes = jnp.broadcast_to(g, times.shape), jnp.broadcast_to(slopes, times.shape)
     dip = dips(times, g, slopes)
     size = jnp.max(jnp.abs(g), axis=0)

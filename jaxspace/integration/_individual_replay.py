@@ -14,7 +14,7 @@ from jaxtyping import Array, PyTree
 
 from ..core import State
 from ..core.barrier import barrier
-from ..solvers.regularised_step import attempt, form_of
+from ..solvers.regularised_step import form_of, trial_step
 from ._individual_state import IndividualState, Segment, landing_state
 from ._needed import needed_only
 from ._replay import Replay
@@ -37,7 +37,7 @@ class IndividualReplay(Replay):
         segment = Segment.of(field, self.settings, y.segment)
         # Written out, the stages of many runs take three times as long to compile, and save 0.3 of
         # the time of a gradient. Segments of a single run compile equally fast.
-        z = attempt(form, *segment, y.z, h, in_loop=h.ndim > 0).z
+        z = trial_step(form, *segment, y.z, h, rolled=h.ndim > 0).z
         y = IndividualState(jnp.where(h != 0.0, z, y.z), y.segment)
         return jax.lax.cond(
             jnp.any(done), lambda y: landing_state(form, segment, y, done), lambda y: y, y

@@ -26,15 +26,15 @@ class IndividualState(eqx.Module):
 
 
 class IndividualLoop(NamedTuple):
-    """Carry of the loop. Buffers, `count` and `passes` are shared; all else is of each run.
+    """Carry of the loop. Buffers, `count` and `iterations` are shared; all else is of each run.
 
     - `h`: the next step; `free`: the length that the error allows; `trend`: the prediction of the
       length.
     - `landing`: whether the next step should end the segment; `pending`: whether the run waits for
       the others before it takes such a step, or has taken one.
     - `worst`: the largest local error of the steps taken, in units of the tolerance.
-    - `count`: number of the `passes` in which a run moved.
-    - `buffers`: with a row for each of these passes, but the states at the save times by
+    - `count`: number of the `iterations` in which a run moved.
+    - `buffers`: with a row for each of these iterations, but the states at the save times by
       segment."""
 
     y: IndividualState
@@ -46,7 +46,7 @@ class IndividualLoop(NamedTuple):
     worst: Float[Array, "*runs"]
     accepted: Int[Array, "*runs"]
     rejected: Int[Array, "*runs"]
-    passes: Int[Array, ""]
+    iterations: Int[Array, ""]
     count: Int[Array, ""]
     buffers: Buffers
 
@@ -86,7 +86,7 @@ def landing_state(
     return IndividualState(jnp.where(done, z, y.z), y.segment + done.astype(y.segment.dtype))
 
 
-def record_of_pass(h: Array, done: Bool[Array, "*runs"]) -> Array:
-    """The record of one pass: the step of each run, zero for none, and whether it landed,
+def record_of_iteration(h: Array, done: Bool[Array, "*runs"]) -> Array:
+    """The record of one iteration: the step of each run, zero for none, and whether it landed,
     (2, *runs)."""
     return jnp.stack([h, done.astype(h.dtype)])

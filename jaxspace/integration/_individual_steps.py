@@ -17,10 +17,10 @@ from ..solvers.regularised_step import (
     CLOSE,
     FIRST_STEP,
     Regular,
-    attempt,
     derivative_in,
     form_of,
     order_of,
+    trial_step,
 )
 from ..solvers.step_control import SMALLEST_STEP
 from ..solvers.vector_field import ScaledField
@@ -32,13 +32,13 @@ from ._individual_state import (
     Segment,
     alive,
     landing_state,
-    record_of_pass,
+    record_of_iteration,
     unit,
 )
 from ._loop_settings import LoopSettings
 from ._rows import put_row, put_rows
 
-# Of so many passes the last ones let runs that wait at the end of a segment land without the
+# Of so many iterations the last ones let runs that wait at the end of a segment land without the
 # others; to land takes up to three.
 PATIENCE, LANDING = 32, 6
 
@@ -51,7 +51,7 @@ def integrate_individual_steps(
 
     def unfinished(loop: IndividualLoop) -> Bool[Array, ""]:
         left = (loop.y.segment < settings.end) & alive(loop.y.z)
-        return jnp.any(left) & (loop.passes < settings.max_steps)
+        return jnp.any(left) & (loop.iterations < settings.max_steps)
 
     start = _start(settings, form, field, y0, recorded)
     return jax.lax.while_loop(unfinished, lambda loop: _advance(settings, form, field, loop), start)
@@ -73,7 +73,7 @@ def _start(
     zero = jnp.asarray(0)
     none = jnp.zeros(y0.segment.shape, int)
     clock = jnp.broadcast_to(settings.end, y0.segment.shape)
-    step = record_of_pass(free, landing) if recorded else None
+    step = record_of_iteration(free, landing) if recorded else None
     buffers = settings.buffers(y0, clock, step)
     if buffers.saved is not None:
         # The first saved state is the initial one.
@@ -89,7 +89,7 @@ def _start(
         worst=jnp.where(alive(y0.z), 0.0, jnp.inf).astype(y0.z.dtype),
         accepted=none,
         rejected=none,
-        passes=zero,
+        iterations=zero,
         count=zero,
         buffers=buffers,
     )
@@ -98,12 +98,12 @@ def _start(
 def _advance(
     settings: LoopSettings, form: AbstractRegularised, field: ScaledField, loop: IndividualLoop
 ) -> IndividualLoop:
-    """The loop after one more pass."""
+    """The loop after one more iteration."""
     y, free = loop.y, loop.free
     active = (y.segment < settings.end) & alive(y.z)
     moving = active & ~loop.pending
     segment = Segment.of(field, settings, y.segment)
-    step = _attempted(settings, form, segment, loop, moving)
+    step = _trial_step(settings, form, segment, loop, moving)
     accept = step.good & ~step.past
     z = jnp.where(accept, step.z1, y.z)
     used = accept & ~loop.landing
@@ -120,8 +120,8 @@ def _advance(
     )
     # All runs at once, when all have arrived, because a landing costs as much as some steps; but a
     # slow run does not make the others wait until the maximum number of steps.
-    waited = loop.passes % PATIENCE >= PATIENCE - LANDING
-    waited = waited | (loop.passes >= settings.max_steps - LANDING)
+    waited = loop.iterations % PATIENCE >= PATIENCE - LANDING
+    waited = waited | (loop.iterations >= settings.max_steps - LANDING)
     y1, h1, pending, landing, done = jax.lax.cond(
         jnp.any(pending) & (jnp.all(pending | ~active) | waited),
         lambda: _enter_segments(settings, form, field, segment, y, pending, free),
@@ -138,7 +138,7 @@ def _advance(
         worst=jnp.where(accept, jnp.maximum(loop.worst, step.local), loop.worst),
         accepted=loop.accepted + accept.astype(int),
         rejected=loop.rejected + (moving & ~accept).astype(int),
-        passes=loop.passes + 1,
+        iterations=loop.iterations + 1,
         count=loop.count + moved.astype(int),
         buffers=_filled(settings, field, loop, y1, accept, done),
     )
@@ -160,7 +160,7 @@ class _Step(NamedTuple):
     past: Bool[Array, "*runs"]
 
 
-def _attempted(
+def _trial_step(
     settings: LoopSettings,
     form: AbstractRegularised,
     segment: Segment,
@@ -170,7 +170,7 @@ def _attempted(
     """The next step of the runs that are `moving`, and one of zero length for the others."""
     y = loop.y
     h = jnp.where(moving, loop.h, 0.0)
-    z1, error, rate = attempt(form, *segment, y.z, h)
+    z1, error, rate = trial_step(form, *segment, y.z, h)
     local = form.size(error, y.z, z1) / settings.tolerance.rtol
     local = jnp.where(jnp.isfinite(local) & alive(z1), local, jnp.inf).astype(h.dtype)
     # Behind a barrier, because many of the following operations read them.
@@ -194,9 +194,9 @@ def _filled(
     accept: Bool[Array, "*runs"],
     done: Bool[Array, "*runs"],
 ) -> Buffers:
-    """The buffers after a pass to `y`, in which some runs `accept` their step and some are `done`
-    with a segment."""
-    step = record_of_pass(jnp.where(accept, loop.h, 0.0), done)
+    """The buffers after an iteration to `y`, in which some runs `accept` their step and some are
+    `done` with a segment."""
+    step = record_of_iteration(jnp.where(accept, loop.h, 0.0), done)
     ends = None
     if loop.buffers.step_ends is not None:
         duration = Segment.of(field, settings, y.segment).duration
@@ -211,7 +211,7 @@ def _with_landed(buffers: Buffers, y: IndividualState, done: Bool[Array, "*runs"
     """The buffers with the states of the runs that have landed on the end of a segment."""
     if buffers.saved is None:
         return buffers
-    # A loop of at most one pass, because a conditional would copy the whole buffer.
+    # A loop of at most one iteration, because a conditional would copy the whole buffer.
     states, _ = jax.lax.while_loop(
         lambda carry: carry[1],
         lambda carry: (put_rows(carry[0], y.segment.astype(int), done, y), jnp.array(False)),

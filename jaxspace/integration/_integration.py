@@ -15,20 +15,20 @@ from jaxtyping import Array, PyTree
 from ..core import State
 from ..core.structure import shape_of
 from ..core.tracing import count_operations
-from ..solvers.protocol import small_program, solver_traits
+from ..solvers.protocol import rolled_stages, solver_traits
 from ..solvers.step_control import FIRST_STEP
 from ._individual_replay import IndividualReplay
-from ._individual_state import IndividualState, record_of_pass
+from ._individual_state import IndividualState, record_of_iteration
 from ._individual_steps import integrate_individual_steps
 from ._loop import integrate_loop
 from ._loop_settings import LoopSettings
 from ._packed import Packing, packed
 from ._record import Record, Recording
 from ._replay import Replay
-from ._tangents import Probes
+from ._tangents import Directions
 from .field_trace import field_trace
 from .normalised_time import ScaledVectorField
-from .programs import Runs, is_small
+from .programs import Runs, rolls_stages
 from .result import Outcome, outcome_of, outcome_of_individual_steps
 
 # For the field and the initial state, a tree like each: whether an array is differentiated.
@@ -46,14 +46,14 @@ class Integration(eqx.Module):
     settings: LoopSettings
 
     def run(
-        self, moving: Moving | None = None, *, small: bool = False
+        self, moving: Moving | None = None, *, rolled: bool = False
     ) -> tuple[Outcome, Record | None]:
         """The outcome, and the record of a run that is differentiated by what is `moving`.
 
-        `small`: whether the steps of a single run are a small program, whatever its field."""
+        `rolled`: whether the stages of a single run are rolled, whatever its field."""
         field, y0, settings = self.field, self.y0, self.settings
         recorded = moving is not None
-        assert not recorded or settings.sought is None or settings.save_ts is None, (
+        assert not recorded or settings.terminal is None or settings.save_ts is None, (
             "states on the way to an event are differentiated along a second run"
         )
         # The type of the state decides which loop it belongs to.
@@ -61,26 +61,26 @@ class Integration(eqx.Module):
             loop = integrate_individual_steps(settings, field, y0, recorded=recorded)
             record = self._record(loop.buffers.recording, loop.count, None)
             return outcome_of_individual_steps(loop, settings), record
-        small = self._is_alone if small else recorded and self._is_single
+        rolled = self._is_alone if rolled else recorded and self._is_single
         # Many runs that are recorded are part of a derivative.
-        if small or self._is_small(derivative=recorded and not self._is_alone):
-            settings = dataclasses.replace(settings, method=small_program(settings.method))
-        if is_small(Runs.ONE, self.field_operations):
+        if rolled or self._rolls_stages(derivative=recorded and not self._is_alone):
+            settings = dataclasses.replace(settings, method=rolled_stages(settings.method))
+        if rolls_stages(Runs.ONE, self.field_operations):
             # The estimate of the first step is another copy of the field.
             settings = dataclasses.replace(settings, first_step=settings.first_step or FIRST_STEP)
-        probes = None
+        directions = None
         # Fixed steps are not controlled.
         if moving is not None and settings.derivative_control and not settings.fixed_step:
-            probes = Probes.of(field, y0, moving, settings.tolerance.run_axes)
+            directions = Directions.of(field, y0, moving, settings.tolerance.run_axes)
         packing = self._packing
         if packing is not None:
             field, y0, settings = packed(packing, field, y0, settings)
-            probes = probes and probes.packed(packing.vector)
-        loop = integrate_loop(settings, field, y0, recorded=recorded, probes=probes)
+            directions = directions and directions.packed(packing.vector)
+        loop = integrate_loop(settings, field, y0, recorded=recorded, directions=directions)
         outcome = outcome_of(loop, settings)
         if packing is not None:
             outcome = outcome.unpacked(packing)
-        ends = None if loop.location is None else loop.location.ends
+        ends = None if loop.event_state is None else loop.event_state.ends
         return outcome, self._record(loop.buffers.recording, loop.count, ends)
 
     def _record(
@@ -91,7 +91,7 @@ class Integration(eqx.Module):
             return None
         y0 = self.y0
         own = isinstance(y0, IndividualState)
-        step = record_of_pass(y0.z[0], y0.z[0] > 0.0) if own else self.settings.clock(y0)
+        step = record_of_iteration(y0.z[0], y0.z[0] > 0.0) if own else self.settings.clock(y0)
         layout = self.settings.layout(y0, step)
         ends = jnp.asarray(math.inf) if ends is None else ends
         return Record(layout, recording.numbers, recording.stride, count, ends, recording.shared)
@@ -105,10 +105,10 @@ class Integration(eqx.Module):
         part, fixed = eqx.partition(self.field, moving)
         if isinstance(self.y0, IndividualState):
             return IndividualReplay(self.settings, fixed, record, False, False), part
-        small = self._is_small(derivative=True)
+        rolled = self._rolls_stages(derivative=True)
         # The program of reverse mode then contains a step once.
-        once = self._is_single or is_small(Runs.DERIVATIVES, self.field_operations)
-        return Replay(self.settings, fixed, record, small, once), part
+        once = self._is_single or rolls_stages(Runs.DERIVATIVES, self.field_operations)
+        return Replay(self.settings, fixed, record, rolled, once), part
 
     def forward(
         self, record: Record, given: Tangents, recorded: bool = False
@@ -126,19 +126,19 @@ class Integration(eqx.Module):
         of_part, of_state = replay.vjp(part, self.y0, cotangents)
         return of_part, eqx.filter(of_state, moving[1])
 
-    def _is_small(self, derivative: bool) -> bool:
-        """Whether the steps of a run, or of a `derivative`, are a small program."""
+    def _rolls_stages(self, derivative: bool) -> bool:
+        """Whether the stages of a run, or of a `derivative`, are rolled."""
         if self._is_alone:
             runs = Runs.DERIVATIVE_OF_ONE if derivative else Runs.ONE
         else:
             runs = Runs.DERIVATIVES if derivative else Runs.MANY
-        return is_small(runs, self.field_operations)
+        return rolls_stages(runs, self.field_operations)
 
     @property
     def _is_single(self) -> bool:
         """Whether this is a single run of a field so large that every program of it should be
         small."""
-        return self._is_alone and is_small(Runs.ONE_RECORDED, self.field_operations)
+        return self._is_alone and rolls_stages(Runs.ONE_RECORDED, self.field_operations)
 
     @property
     def _is_alone(self) -> bool:
@@ -154,7 +154,7 @@ class Integration(eqx.Module):
         blocks = len(jax.tree.leaves(self.y0))
         if not single or blocks == 1 or not solver_traits(settings.method).linear:
             return None
-        return Packing.of(self.y0) if is_small(Runs.ONE, self.field_operations) else None
+        return Packing.of(self.y0) if rolls_stages(Runs.ONE, self.field_operations) else None
 
     @property
     def field_operations(self) -> int:

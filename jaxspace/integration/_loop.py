@@ -16,13 +16,13 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import State
 from ..solvers.vector_field import TERM, ScaledField, evaluate
-from ._attempt import carries, error_order
-from ._event_location import Location
+from ._event_state import EventState
+from ._iteration import advance
 from ._loop_settings import LoopSettings
 from ._loop_state import LoopState
-from ._pass import advance
-from ._tangent_control import TangentControl
-from ._tangents import Probes
+from ._sensitivity_control import SensitivityControl
+from ._tangents import Directions
+from ._trial_step import carries, error_order
 from .normalised_time import ScaledVectorField, field_of_part
 
 
@@ -32,7 +32,7 @@ def integrate_loop(
     y0: State,
     *,
     recorded: bool = False,
-    probes: Probes | None = None,
+    directions: Directions | None = None,
 ) -> LoopState:
     """Integrate dy/dt = field(t, y) in normalised time, from `settings.start` to `settings.end`.
 
@@ -42,14 +42,14 @@ def integrate_loop(
     - `field`: the vector field, a `ScaledVectorField` or its hoisted form.
     - `y0`: the initial state, components first and runs last.
     - `recorded`: whether to record the steps for derivatives.
-    - `probes`: the tangents that the steps should resolve.
+    - `directions`: the tangents that the steps should resolve.
 
     **Returns** the last `LoopState`. A run whose `t` is `settings.end` is complete. Another one has
     failed, or its steps ran out, which the caller reports in the status."""
 
     control = None
-    if probes is not None:
-        control = TangentControl.of(probes, settings.tolerance, settings.method, TERM)
+    if directions is not None:
+        control = SensitivityControl.of(directions, settings.tolerance, settings.method, TERM)
 
     def run(
         settings: LoopSettings, before: LoopState | None, left_out: Array | None = None
@@ -85,7 +85,7 @@ def _until_recorded(
     def attempt(carry: tuple[LoopState, Array]) -> tuple[LoopState, Array]:
         before, number = carry
         # Slow is a run that shortened the common step at least half as often as the worst one. In
-        # the first pass every run had individual steps, and did not delay the others.
+        # the first attempt every run had individual steps, and did not delay the others.
         slow = 2 * before.limiting >= jnp.maximum(jnp.max(before.limiting), 1)
         left_out = before.left_out | before.short(settings) & slow & (number > 1)
         return run(settings.shared(number > 0), before, left_out), number + 1
@@ -95,7 +95,7 @@ def _until_recorded(
         full = (number > 1) | (loop.count >= rows)
         return (number == 0) | full & jnp.any(loop.short(settings))
 
-    # Zeros, because the first pass restarts the method: a loop needs only the shapes of its carry.
+    # Zeros, because the first attempt restarts the method: a loop needs only shapes of its carry.
     first = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
     return jax.lax.while_loop(unfinished, attempt, (first, jnp.asarray(0)))[0]
 
@@ -105,7 +105,7 @@ def _start(
     field: ScaledField,
     y0: State,
     recorded: bool,
-    control: TangentControl | None,
+    control: SensitivityControl | None,
     left_out: Bool[Array, "*runs"] | None = None,
 ) -> LoopState:
     """The loop before its first step, with the buffers that it fills."""
@@ -116,9 +116,9 @@ def _start(
     zero, one = jnp.zeros_like(t, shape=()), jnp.ones_like(t, shape=())
     t_next, steps = _first_step(settings, field, t, y0)
     none = jnp.broadcast_to(jnp.asarray(0), t.shape)
-    location = None
-    if settings.sought is not None:
-        location = Location.none_yet(settings.sought, t, y0, settings.tolerance)
+    event_state = None
+    if settings.terminal is not None:
+        event_state = EventState.none_yet(settings.terminal, t, y0, settings.tolerance)
     first = field_of_part(field, t, t_next - t)[0]
     start = LoopState(
         t=t,
@@ -133,8 +133,8 @@ def _start(
         rejected=none,
         count=jnp.asarray(0),
         buffers=settings.buffers(y0, t, t if recorded else None),
-        location=location,
-        tangents=None if control is None else control.probes.begin(settings.tolerance),
+        event_state=event_state,
+        tangents=None if control is None else control.directions.begin(settings.tolerance),
         limiting=jnp.zeros(alive.shape, jnp.int32),
         left_out=jnp.zeros_like(alive) if left_out is None else left_out,
         going=jnp.zeros(t.shape, bool),

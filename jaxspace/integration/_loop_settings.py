@@ -14,7 +14,7 @@ from ..core import State
 from ..solvers.step_control import StepController
 from ..solvers.tolerances import Tolerance
 from ._buffers import Buffers, SavedStates
-from ._event_location import SoughtEvents
+from ._event_state import TerminalEvents
 from ._record import Recording, RecordLayout, check_memory
 from ._rows import empty_buffer
 
@@ -30,7 +30,7 @@ class LoopSettings(eqx.Module):
     - `reach`: normalised times between which all segments of nonzero length lie; `None` for the
       whole run.
     - `dense`: whether to return the ends of the steps, and the states there.
-    - `sought`: the events that end the runs.
+    - `terminal`: the events that end the runs.
     - `first_step`: as in `StepController`.
     - `fixed_step`: whether each segment is a step of the method, which is accepted in any case.
     - `together`: whether the runs share their times, as those of fixed steps do.
@@ -46,7 +46,7 @@ class LoopSettings(eqx.Module):
     reach: tuple[Float[Array, "*#runs"], Float[Array, "*#runs"]] | None
     max_steps: int = eqx.field(static=True)
     dense: bool = eqx.field(static=True)
-    sought: SoughtEvents | None = None
+    terminal: TerminalEvents | None = None
     first_step: float | None = eqx.field(static=True, default=None)
     derivative_control: bool = eqx.field(static=True, default=False)
     fixed_step: bool = eqx.field(static=True, default=False)

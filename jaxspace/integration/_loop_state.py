@@ -7,9 +7,9 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import State
 from ._buffers import Buffers
-from ._event_location import Location
+from ._event_state import EventState
 from ._loop_settings import LoopSettings
-from ._tangents import ProbeState
+from ._tangents import TangentState
 
 
 class LoopState(NamedTuple):
@@ -19,9 +19,9 @@ class LoopState(NamedTuple):
     - `carried`: carry of the method into the next step; `worst`: the largest local error of
       each run, in units of the tolerance.
     - `jumped`: whether the vector field jumped at `t`, so that the solver starts again.
-    - `count`: number of the passes in which a run moved; `going`: whether a run takes a further
+    - `count`: number of the iterations in which a run moved; `going`: whether a run takes a further
       step.
-    - `location`: of the first event of each run, where some are sought.
+    - `event_state`: of the first event of each run, where some are sought.
     - `tangents`: that control the steps, of a run that is differentiated.
     - `limiting`: number of the accepted steps that were limited by each run, where they share them;
       `left_out`: runs that used them up, and without which the others went on.
@@ -40,8 +40,8 @@ class LoopState(NamedTuple):
     rejected: Int[Array, "*runs"]
     count: Int[Array, ""]
     buffers: Buffers
-    location: Location | None
-    tangents: ProbeState | None
+    event_state: EventState | None
+    tangents: TangentState | None
     limiting: Int[Array, "*runs"]
     left_out: Bool[Array, "*runs"]
     going: Bool[Array, "*runs"]
@@ -51,8 +51,8 @@ class LoopState(NamedTuple):
         """Update of the runs that continue: those that have not reached their end, not failed, and
         do not wait at their event."""
         going = settings.tolerance.alive(self.y)
-        if self.location is not None:
-            going = going & ~self.location.waiting
+        if self.event_state is not None:
+            going = going & ~self.event_state.waiting
         if self.t.ndim < going.ndim:
             going = jnp.any(going)
         left = self.accepted + self.rejected < settings.max_steps
@@ -66,9 +66,9 @@ class LoopState(NamedTuple):
     def unfinished(self) -> Bool[Array, ""]:
         """Whether a run makes a further step, or repeats the one that contains its event."""
         going = jnp.any(self.going)
-        return going if self.location is None else going | jnp.any(self.location.again)
+        return going if self.event_state is None else going | jnp.any(self.event_state.again)
 
     def short(self, settings: LoopSettings) -> Bool[Array, "*runs"]:
         """The runs that reached the maximum number of steps."""
         lacking = settings.tolerance.alive(self.y) & (self.t < settings.end)
-        return lacking if self.location is None else lacking & ~self.location.waiting
+        return lacking if self.event_state is None else lacking & ~self.event_state.waiting

@@ -88,10 +88,10 @@ class MappedIntegration(eqx.Module):
         return jax.tree.unflatten(structure, map(leaf, leaves, self.axes))
 
     def run(
-        self, moving: Moving | None = None, *, small: bool = False
+        self, moving: Moving | None = None, *, rolled: bool = False
     ) -> tuple[Outcome, Record | None]:
         """As in `Integration`, with the runs on the first axis."""
-        return self._mapped(lambda each: each.run(moving, small=small), ())
+        return self._mapped(lambda each: each.run(moving, rolled=rolled), ())
 
     def forward(
         self, record: Record, given: Tangents, recorded: bool = False

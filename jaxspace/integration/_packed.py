@@ -1,4 +1,4 @@
-"""A system whose state is one vector, for the compact program of one run.
+"""A system whose state is one vector, for the program of one run with rolled stages.
 
 In addition to the vector field, each operation of a step (weighted sums of stages, norms,
 selections) acts on every block of the state: position, velocity, attitude. On one vector of all
@@ -112,9 +112,9 @@ def packed(
     # The error is still judged block by block: in one norm, metres would hide an error of a
     # quaternion.
     tolerance = dataclasses.replace(settings.tolerance, blocks=packing.sizes)
-    sought = settings.sought
-    if sought is not None:
-        sought = dataclasses.replace(sought, events=tuple(map(packing.packed, sought.events)))
-    settings = dataclasses.replace(settings, tolerance=tolerance, sought=sought)
+    terminal = settings.terminal
+    if terminal is not None:
+        terminal = dataclasses.replace(terminal, events=tuple(map(packing.packed, terminal.events)))
+    settings = dataclasses.replace(settings, tolerance=tolerance, terminal=terminal)
     system = PackedSystem(packing, field.system)
     return ScaledVectorField(system, field.segments), packing.vector(y0), settings

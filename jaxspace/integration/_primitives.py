@@ -174,7 +174,7 @@ def _record_jvp(primals: Arguments, tangents: Arguments) -> tuple[PyTree, PyTree
     # Second-order rule: the recorded states move as well. The run is a small part of the work, but
     # written out most of the program.
     run, moving, _ = primals
-    outcome, record = run.run(moving, small=True)
+    outcome, record = run.run(moving, rolled=True)
     given, moves = _tangents_of(run, tangents[0])
 
     def change(values: PyTree, given: PyTree) -> PyTree:

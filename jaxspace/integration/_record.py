@@ -26,7 +26,7 @@ RECORD_BYTES = 3 * 2**16
 """Size of a record, unless the steps alone need more. Filling and moving a larger one takes longer
 than recomputing the steps between two states."""
 
-SHORT = 2**16
+RECORDED_STEPS = 2**16
 """Capacity of a record in steps per run: more of them exceed the cache for a block of runs. Runs
 with more steps are repeated with shared steps, of which one number each is recorded."""
 
@@ -39,7 +39,7 @@ FEWEST_STATES = 4
 SHARE = 0.5
 """Share of the memory for recorded steps: a derivative has the record and its source in memory
 simultaneously."""
-SMALL = 2**28
+UNCHECKED_BYTES = 2**28
 """Bytes that any machine has: below this the memory is not checked."""
 
 
@@ -67,7 +67,7 @@ class RecordLayout(NamedTuple):
         dtypes = tuple(x.dtype for x in leaves)
         # The time may have a higher precision than the state; both are stored exactly.
         dtype = max((step.dtype, *dtypes), key=lambda d: d.itemsize)
-        rows = max(FEWEST_ROWS, SHORT // step.size) if short else limit
+        rows = max(FEWEST_ROWS, RECORDED_STEPS // step.size) if short else limit
         shapes = tuple(x.shape for x in leaves)
         return cls(shapes, dtypes, structure, step.shape, limit, min(rows, limit), dtype)
 
@@ -226,7 +226,7 @@ def check_memory(what: str, steps: int, per_step: int) -> None:
     - `steps`: the largest number of steps.
     - `per_step`: bytes of one step."""
     size = steps * per_step
-    if size <= SMALL:
+    if size <= UNCHECKED_BYTES:
         return
     available = SHARE * memory()
     if size > available:

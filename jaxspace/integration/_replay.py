@@ -24,7 +24,7 @@ from ..core import State
 from ..core.barrier import barrier
 from ..core.jit import quick_jit
 from ..solvers.dense_output import evaluated
-from ..solvers.protocol import bind, field_of_step, small_program
+from ..solvers.protocol import bind, field_of_step, rolled_stages
 from ..solvers.vector_field import TERM
 from ._buffers import place_in_step
 from ._loop_settings import LoopSettings
@@ -61,20 +61,20 @@ class Replay(eqx.Module):
 
     - `settings`: those of the run. `record`: its steps.
     - `fixed`: the part of the field that is not differentiated.
-    - `small`: whether the steps are a small program (`small_program`).
+    - `rolled`: whether the stages are rolled (`rolled_stages`).
     - `step_once`: whether the program of reverse mode contains a step once."""
 
     settings: LoopSettings
     fixed: PyTree
     record: Record
-    small: bool = eqx.field(static=True)
+    rolled: bool = eqx.field(static=True)
     step_once: bool = eqx.field(static=True)
 
     @property
     def method(self) -> diffrax.AbstractSolver:
         """The method of the run."""
         method = self.settings.method
-        return small_program(method) if self.small else method
+        return rolled_stages(method) if self.rolled else method
 
     def step_bounds(self, n: Array) -> tuple[Array, Array]:
         """The normalised times at the start and at the end of step `n` of each run. In one that a
@@ -93,12 +93,12 @@ class Replay(eqx.Module):
         field = eqx.combine(moving, self.fixed)
         s, end = self.step_bounds(n)
         length = end - s
-        if self.settings.sought is not None:
+        if self.settings.terminal is not None:
             # A run ends within a step, at its event. The steps behind it have no length.
             length = jnp.clip(self.record.ends - s, 0.0, length)
         field, _ = field_of_part(field, s, length)
-        # The stages of a small program are checkpoints already.
-        term = CHECKPOINTED if backwards and not self.small else TERM
+        # Rolled stages are checkpoints already.
+        term = CHECKPOINTED if backwards and not self.rolled else TERM
         t0, t1 = jnp.zeros_like(s, shape=()), jnp.ones_like(s, shape=())
         save_ts, method = self.settings.save_ts, self.method
         if save_ts is not None:
@@ -320,7 +320,7 @@ class Replay(eqx.Module):
             (y1, dense_info), pull = self._linearised(moving, n + step, y)
             row = jnp.where(forwards & ((i + 1) % apart == 0), to + (i + 1) // apart, -1)
 
-            # A loop of one pass or none, as that of `TangentControl.look`.
+            # A loop of one iteration or none, as that of `SensitivityControl.monitor`.
             def back_once(carry: tuple[Array, PyTree]) -> tuple[Array, PyTree]:
                 go, total = carry
                 return ~go, self._pulled(pull, dense_info, n + step, cotangent, total)

@@ -21,7 +21,7 @@ from ..core.status import Status
 from ..solvers.dense_output import AbstractDenseOutput
 from ._event_bracket import NARROW, zero_share
 from ._in_turn import in_turn
-from .event_zero import APART, ROUNDINGS, Zero, candidates, dips, pick
+from .event_zero import RESOLVED_ROUNDINGS, ROUNDINGS, Root, candidates, dips, pick
 from .events import Event
 from .normalised_time import StepTimes
 
@@ -101,7 +101,7 @@ class FlowCondition(NamedTuple):
         return barrier(in_turn(each, nodes))
 
 
-class Ends(NamedTuple):
+class BracketEnds(NamedTuple):
     """The conditions at the start and at the end of the sampled interval, and their slopes."""
 
     first: Scalar
@@ -110,7 +110,7 @@ class Ends(NamedTuple):
     slope: Scalar
 
 
-class _Search(NamedTuple):
+class _BracketSearch(NamedTuple):
     """The search of each run for the first zero of an event in a part of a step.
 
     - `low`, `high`: between them the next samples are taken, densely about the `guess`, or `even`.
@@ -134,7 +134,7 @@ class _Search(NamedTuple):
     active: Bool[Array, "*runs"]
     left: Int[Array, ""]
     size: Scalar
-    ends: Ends
+    ends: BracketEnds
 
     def nodes(self) -> Float[Array, "nodes *#runs"]:
         """The places of the next samples."""
@@ -146,14 +146,14 @@ class _Search(NamedTuple):
         return jnp.concatenate([before, behind[-2::-1]])
 
 
-class Part(NamedTuple):
+class Bracket(NamedTuple):
     """A part of the step of each run, from `begin` to `end` in the time of a step from 0 to 1, that
     is searched for an event.
 
-    `at_start`: whether the run starts with it; `rounding`: of the condition, as in `SoughtEvents`;
-    `start`, `duration`: of the run, s."""
+    `at_start`: whether the run starts with it; `rounding`: of the condition, as in
+    `TerminalEvents`; `start`, `duration`: of the run, s."""
 
-    along: StepCondition | FlowCondition
+    condition: StepCondition | FlowCondition
     begin: Float[Array, "*runs"]
     end: Float[Array, "*runs"]
     at_start: Bool[Array, "*runs"]
@@ -163,16 +163,16 @@ class Part(NamedTuple):
 
     def first_zero(
         self, size: Scalar, sought: Bool[Array, "*runs"], going: Bool[Array, "*runs"]
-    ) -> tuple[Zero, Ends]:
+    ) -> tuple[Root, BracketEnds]:
         """The first zero for the runs that have one `sought`, and the condition at both ends of the
         part. For a run that is not `going` on, one sampling is sufficient.
 
         `size`: of the condition so far."""
-        runs = self.along.runs
+        runs = self.condition.runs
         no = jnp.zeros(runs, bool)
         zero = jnp.zeros(runs, self.begin.dtype)
         none = jnp.zeros(runs, size.dtype)
-        search = _Search(
+        search = _BracketSearch(
             low=zero + self.begin,
             high=zero + self.end,
             guess=zero + 0.5 * (self.begin + self.end),
@@ -186,7 +186,7 @@ class Part(NamedTuple):
             active=sought,
             left=jnp.asarray(SAMPLINGS),
             size=none + size,
-            ends=Ends(none, none, none, none),
+            ends=BracketEnds(none, none, none, none),
         )
         search = jax.lax.while_loop(
             lambda search: (search.left > 0) & jnp.any(search.active),
@@ -194,25 +194,25 @@ class Part(NamedTuple):
             search,
         )
         when, hit = search.guess, search.hit
-        time = self.along.segment.time(when)
+        time = self.condition.segment.time(when)
         after = jnp.abs(time - self.start)
         eps = float(jnp.finfo(none.dtype).eps)
-        resolved = APART * eps * jnp.maximum(jnp.abs(self.start), jnp.abs(time))
+        resolved = RESOLVED_ROUNDINGS * eps * jnp.maximum(jnp.abs(self.start), jnp.abs(time))
         piled = search.at_zero & hit & (after <= resolved) & ~self._counts_at_start()
         status = jnp.where(piled, Status.EVENTS_PILE_UP, Status.EVENT_UNRESOLVED)
         failed = jnp.where(piled | search.active, when, jnp.inf)
         status = jnp.where(search.ill <= failed, Status.CONDITION_NOT_FINITE, status)
         failed = jnp.minimum(search.ill, failed)
-        return Zero(when, hit, search.size, status.astype(jnp.int32), failed), search.ends
+        return Root(when, hit, search.size, status.astype(jnp.int32), failed), search.ends
 
-    def _sampled(self, search: _Search, going: Bool[Array, "*runs"]) -> _Search:
+    def _sampled(self, search: _BracketSearch, going: Bool[Array, "*runs"]) -> _BracketSearch:
         """The search after one more sampling of the condition."""
-        event, runs = self.along.event, self.along.runs
+        event, runs = self.condition.event, self.condition.runs
         nodes = search.nodes()
-        g, slopes = self.along.at(nodes)
+        g, slopes = self.condition.at(nodes)
         size = jnp.maximum(search.size, jnp.max(jnp.abs(g), axis=0))
         at_zero = self._starts_at_zero(nodes[0], g[0], slopes[0], size)
-        ends = Ends(g[0], slopes[0], g[-1], slopes[-1])
+        ends = BracketEnds(g[0], slopes[0], g[-1], slopes[-1])
         ill = jnp.min(jnp.where(jnp.isfinite(g), jnp.inf, nodes), axis=0)
         # A change of sign is not examined for dips again.
         dip = dips(nodes, g, slopes) & (~search.inside | search.dip)
@@ -225,7 +225,7 @@ class Part(NamedTuple):
         guess, dip, close = self._expected(*interval)
         hit = present & ~dip & close
         if event.touch is not None:
-            hit = hit & (jnp.abs(self.along.condition(guess)) <= event.touch)
+            hit = hit & (jnp.abs(self.condition.condition(guess)) <= event.touch)
         # Whether the search continues inside the interval, or after the previous one.
         inside = present & ~close
         first = jnp.where(search.inside, search.first, jnp.where(present, index, PARTS))
@@ -237,7 +237,7 @@ class Part(NamedTuple):
         (a, *_), (b, *_) = interval
         even = ~inside | search.inside & (b - a > (search.high - search.low) / PARTS)
         low, high = jnp.where(inside, a, self.begin), jnp.where(inside, b, self.end)
-        new = _Search(
+        new = _BracketSearch(
             low,
             high,
             guess=jnp.where(even & active, 0.5 * (low + high), guess),
@@ -261,7 +261,7 @@ class Part(NamedTuple):
 
     def _counts_at_start(self) -> Bool[Array, "*runs"]:
         """Whether a zero at the start is an event: not where an event has acted at this zero."""
-        return self.along.event.at_start & (self.rounding < jnp.inf)
+        return self.condition.event.at_start & (self.rounding < jnp.inf)
 
     def _starts_at_zero(
         self, node: Scalar, g: Scalar, slope: Scalar, size: Scalar
@@ -270,7 +270,7 @@ class Part(NamedTuple):
 
         `g`, `slope`: the condition there; `size`: the largest so far."""
         # The rounding of the time, from the rate per second and the largest time of the run.
-        second = self.along.segment.rate.astype(g.dtype)
+        second = self.condition.segment.rate.astype(g.dtype)
         longest = jnp.maximum(jnp.abs(self.start), jnp.abs(self.duration))
         change = self.rounding + size + jnp.abs(safe_divide(slope, second)) * longest
         small = jnp.abs(g) <= ROUNDINGS * float(jnp.finfo(g.dtype).eps) * change

@@ -1,14 +1,14 @@
 """The tangents of a differentiated run, integrated together with its motion, for the control of its
 steps.
 
-    d_j        tangent of the state along a direction of the inputs, for probe j = 1, 2, ...
+    d_j        tangent of the state along a direction of the inputs, j = 1, 2, ...
 
 Each differentiated array of the field has a separate direction, so that a large tangent does not
-hide a small one; with more than `MOST` arrays several share one. The blocks of the initial state
-share one, because each block of the tangents has its own error. The direction is fixed and
-pseudo-random, with each number changing by its own size, or by one where it is zero.
+hide a small one; with more than `MOST_DIRECTIONS` arrays several share one. The blocks of the
+initial state share one, because each block of the tangents has its own error. The direction is
+fixed and pseudo-random, with each number changing by its own size, or by one where it is zero.
 
-The controlled quantities: `_tangent_control.py`.
+The controlled quantities: `_sensitivity_control.py`.
 """
 
 from collections.abc import Callable
@@ -29,21 +29,21 @@ from ..solvers.tolerances import Tolerance
 from ..solvers.vector_field import ScaledField
 from .normalised_time import field_of_part
 
-MOST = 8
-"""Largest number of probes."""
+MOST_DIRECTIONS = 8
+"""Largest number of directions."""
 
-# The length of each block of the state, for each probe and run.
-Lengths: TypeAlias = PyTree[Float[Array, "probes ..."]]
+# The length of each block of the state, for each direction and run.
+Lengths: TypeAlias = PyTree[Float[Array, "directions ..."]]
 
 
-class ProbeState(NamedTuple):
-    """The tangents of the probes at one place of a run.
+class TangentState(NamedTuple):
+    """The tangents along the directions at one place of a run.
 
-    - `tangents`: of the state, with the probes on the first axis.
+    - `tangents`: of the state, with the directions on the first axis.
     - `sizes`, `errors`: the largest of the tangents and of their errors so far.
     - `resolved`, `longest`: the longest accepted step known to be resolved, and of all, s.
     - `monitored`, `time`: the time in accepted steps that were monitored, and in all, s.
-    - `always`: whether every step of it is, and is controlled by it."""
+    - `controlled`: whether every step is monitored, and controlled by the tangents."""
 
     tangents: State
     sizes: Lengths
@@ -52,26 +52,26 @@ class ProbeState(NamedTuple):
     longest: Float[Array, "*runs"]
     monitored: Float[Array, "*runs"]
     time: Float[Array, "*runs"]
-    always: Bool[Array, "*runs"]
+    controlled: Bool[Array, "*runs"]
 
 
 @final
-class Probes(eqx.Module):
+class Directions(eqx.Module):
     """The directions of the inputs along which the tangents of a run are followed.
 
     - `numbers`: of the arrays of the field that are differentiated.
-    - `directions`: of these arrays, with the probes on the first axis.
+    - `of_field`: of these arrays, with the directions on the first axis.
     - `start`: of the initial state, likewise."""
 
     numbers: tuple[int, ...] = eqx.field(static=True)
-    directions: list[Array]
+    of_field: list[Array]
     start: State
 
     @classmethod
     def of(
         cls, field: PyTree, y0: State, moving: tuple[PyTree[bool], PyTree[bool]], run_axes: int
-    ) -> "Probes | None":
-        """The probes of a run that is differentiated by what is `moving` in its field and its
+    ) -> "Directions | None":
+        """The directions of a run that is differentiated by what is `moving` in its field and its
         initial state; `None` where there is none with a number."""
         leaves = zip(*map(jax.tree.leaves, ((field, y0), moving)), strict=True)
         inputs, flags = zip(*((x, m) for x, m in leaves if eqx.is_array(x)), strict=True)
@@ -82,33 +82,33 @@ class Probes(eqx.Module):
             return None
         # One number for all blocks of the state.
         names = [min(k, num_field) for k in numbers]
-        number = {name: i % MOST for i, name in enumerate(dict.fromkeys(names))}
-        probe = {k: number[name] for k, name in zip(numbers, names, strict=True)}
-        count = min(len(number), MOST)
+        number = {name: i % MOST_DIRECTIONS for i, name in enumerate(dict.fromkeys(names))}
+        direction = {k: number[name] for k, name in zip(numbers, names, strict=True)}
+        count = min(len(number), MOST_DIRECTIONS)
 
         def rows(k: int) -> Array:
             x = inputs[k]
             every = jnp.zeros((count, *x.shape), x.dtype)
-            if k not in probe:
+            if k not in direction:
                 return every
             axes = x.ndim - (run_axes if k >= num_field else 0)
-            return every.at[probe[k]].set(_direction(x, axes, k))
+            return every.at[direction[k]].set(_direction(x, axes, k))
 
         numbers = tuple(k for k in numbers if k < num_field)
         start = [rows(num_field + k) for k in range(len(blocks))]
         return cls(numbers, [rows(k) for k in numbers], jax.tree.unflatten(structure, start))
 
-    def packed(self, vector: Callable[[State], Array]) -> "Probes":
-        """The probes of a run whose state is a vector."""
-        return Probes(self.numbers, self.directions, jax.vmap(vector)(self.start))
+    def packed(self, vector: Callable[[State], Array]) -> "Directions":
+        """The directions of a run whose state is a vector."""
+        return Directions(self.numbers, self.of_field, jax.vmap(vector)(self.start))
 
-    def begin(self, tolerance: Tolerance) -> ProbeState:
+    def begin(self, tolerance: Tolerance) -> TangentState:
         """The tangents before the first step."""
         sizes = lengths(tolerance, self.start)
         none = jax.tree.map(jnp.zeros_like, sizes)
-        always = jnp.zeros_like(jax.vmap(tolerance.alive)(self.start)[0])
-        time = jnp.zeros(always.shape)
-        return ProbeState(self.start, sizes, none, time, time, time, time, always)
+        controlled = jnp.zeros_like(jax.vmap(tolerance.alive)(self.start)[0])
+        time = jnp.zeros(controlled.shape)
+        return TangentState(self.start, sizes, none, time, time, time, time, controlled)
 
     def after(
         self,
@@ -136,14 +136,14 @@ class Probes(eqx.Module):
 
         moving = [leaves[k] for k in self.numbers]
 
-        def along(probe: tuple[list[Array], State]) -> tuple[State, PyTree]:
-            return jax.jvp(of, (moving, step.y0), probe)[1]
+        def tangent(direction: tuple[list[Array], State]) -> tuple[State, PyTree]:
+            return jax.jvp(of, (moving, step.y0), direction)[1]
 
         # Along a single run together, which takes little more than one of them does. For many runs,
         # whose axis has to be the last one, that would take several times as long as one after the
         # other, in the layout of the motion.
-        every = jax.vmap(along) if step.motion.ndim == 0 else partial(jax.lax.map, along)
-        return every((self.directions, tangents))
+        every = jax.vmap(tangent) if step.motion.ndim == 0 else partial(jax.lax.map, tangent)
+        return every((self.of_field, tangents))
 
 
 class StepTaken(NamedTuple):
@@ -162,8 +162,8 @@ def lengths(tolerance: Tolerance, tangents: PyTree) -> Lengths:
     """The length of each block of tangents, or of their errors."""
     # One after the other: of blocks in a vector all of them would be a product of matrices, by a
     # library, and a loop with such a call is not compiled as one kernel.
-    along = partial(jax.lax.map, tolerance.length)
-    return jax.tree.map(along, tangents, is_leaf=is_in_parts)
+    each = partial(jax.lax.map, tolerance.length)
+    return jax.tree.map(each, tangents, is_leaf=is_in_parts)
 
 
 def _direction(x: Array, axes: int, seed: int) -> Array:

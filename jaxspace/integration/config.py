@@ -17,7 +17,7 @@ from jaxtyping import Array, DTypeLike, Float, PyTree
 
 from ..core import AbstractDecoupled, AbstractSystem, InputError, Scalar, check
 from ..core.checks import is_concrete
-from ..solvers.protocol import carries_steps, refine, small_program, solver_traits
+from ..solvers.protocol import carries_steps, refine, rolled_stages, solver_traits
 from ._selection import has_closed_form, select_method
 from .accuracy import DEFAULT_RTOL, Accuracy, as_method, least_tolerance, state_dtype
 from .stiffness import InitialConditions
@@ -71,9 +71,9 @@ class IntegrationConfig(eqx.Module):
         own, rest = self.split()
         return eqx.combine(jax.tree.map(lambda x: x[..., rows], own), rest)
 
-    def small_program(self) -> "IntegrationConfig":
+    def rolled_stages(self) -> "IntegrationConfig":
         """The same with a program that compiles faster and runs slower, if the method has one."""
-        method = self.method if isinstance(self.method, str) else small_program(self.method)
+        method = self.method if isinstance(self.method, str) else rolled_stages(self.method)
         return dataclasses.replace(self, method=method)
 
     def tightened(self, factor: float) -> "IntegrationConfig":

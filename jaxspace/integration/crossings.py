@@ -33,7 +33,7 @@ from ..core import AbstractSystem, Scalar, State
 from ..core.printing import printed
 from ..core.status import Status
 from ..core.structure import HashedModule
-from ._event_runs import ConditionOnRun, Samples, Zeros, sampled, zeros_between
+from ._event_runs import ConditionOnRun, Roots, Samples, sampled, zeros_between
 from .config import IntegrationConfig
 from .event_zero import pick
 from .events import Event, newton_correct
@@ -126,10 +126,10 @@ def _zeros(
     run_axes: int,
 ) -> Crossings:
     """`crossings_between`, as the search leaves them, without derivatives."""
-    along = ConditionOnRun(system, event, config, run_axes)
-    samples = sampled(along, times, states)
+    on_run = ConditionOnRun(system, event, config, run_axes)
+    samples = sampled(on_run, times, states)
     # One more than stored, which reveals whether there are more.
-    search = zeros_between(along, samples, event.capacity + 1, event.capacity)
+    search = zeros_between(on_run, samples, event.capacity + 1, event.capacity)
     stored = jnp.minimum(search.count, event.capacity)
     used = jnp.arange(event.capacity).reshape(-1, *(1,) * stored.ndim) < stored
 
@@ -167,7 +167,7 @@ def _integrated_to(
         passed = jnp.sum(jnp.abs(moments - moments[0]) <= jnp.abs(t - moments[0]), axis=0)
         y, start = pick((states, times), jnp.maximum(passed - 1, 0), run_axes)
         t = jnp.where(used, t, jax.lax.stop_gradient(start))
-        result = integrate(system, y, start, t, None, config.small_program(), run_axes)
+        result = integrate(system, y, start, t, None, config.rolled_stages(), run_axes)
         y = state_at(result.states, -1, run_axes)
         return carry, newton_correct(system, (event,), jnp.where(used, 0, -1), t, y)
 
@@ -204,7 +204,7 @@ def _for_short_ways(config: IntegrationConfig) -> IntegrationConfig:
     return dataclasses.replace(config, method=method, max_steps=steps)
 
 
-def _status(samples: Samples, search: Zeros) -> Int[Array, "*runs"]:
+def _status(samples: Samples, search: Roots) -> Int[Array, "*runs"]:
     """Status of the search."""
     status = jnp.where(search.unresolved, Status.EVENT_UNRESOLVED, Status.COMPLETED)
     status = jnp.where(samples.unexplained > RESOLVED, Status.SAMPLES_TOO_FEW, status)

@@ -1,6 +1,6 @@
 """The search for the first event of each run, outside every derivative.
 
-A run whose steps have a polynomial is searched step by step (`_event_location`), and one in closed
+A run whose steps have a polynomial is searched step by step (`_event_state`), and one in closed
 form as if it were a single step. Of other runs the zero is bracketed on samples, and then closed in
 by Newton's method within its bracket (`_event_runs`). A dip between samples of one sign is
 examined, too, where one of the tangents at its ends reaches zero.
@@ -18,8 +18,8 @@ from jaxtyping import Array, Float
 from ..core import AbstractSystem, Scalar, State
 from ..core.status import Status
 from ..solvers.tolerances import Tolerance
-from ._event_location import LocatedEvents, Location, SearchedStep, SoughtEvents, located
 from ._event_runs import ConditionOnRun, first_zero
+from ._event_state import EventState, LocatedEvents, SearchedStep, TerminalEvents, located
 from ._step_zero import FlowCondition
 from .config import IntegrationConfig
 from .events import Event
@@ -52,9 +52,11 @@ def first_event(
         )
         assert result.events is not None
         return result.events
-    along = [ConditionOnRun(system, event, config, run_axes) for event in events]
+    conditions = [ConditionOnRun(system, event, config, run_axes) for event in events]
     starts = [None] * len(events) if start_known is None else list(start_known)
-    zeros = [first_zero(each, y0, t0, t1, start) for each, start in zip(along, starts, strict=True)]
+    zeros = [
+        first_zero(each, y0, t0, t1, start) for each, start in zip(conditions, starts, strict=True)
+    ]
     when = t1
     which = -jnp.ones(jnp.shape(t1), jnp.int32)
     for number, zero in enumerate(zeros):
@@ -105,12 +107,12 @@ def _first_on_flow(
     def condition_of(event: Event) -> FlowCondition:
         return FlowCondition(event, segment, system, y0, alive.shape)
 
-    sought = SoughtEvents.of(events, system, t0, y0, run_axes, start_known)
-    none = Location.none_yet(sought, start, y0, finite)
+    terminal = TerminalEvents.of(events, system, t0, y0, run_axes, start_known)
+    none = EventState.none_yet(terminal, start, y0, finite)
     step = SearchedStep(condition_of, start, length, y0, y0, length)
     yes = jnp.ones(t0.shape, bool)
-    location = located(none, sought, step, yes, alive, yes, (t0, t1 - t0))
-    return location.located(segment, t0, t1)._replace(state=None)
+    event_state = located(none, terminal, step, yes, alive, yes, (t0, t1 - t0))
+    return event_state.located(segment, t0, t1)._replace(state=None)
 
 
 # A system may have functions among its leaves.

@@ -18,10 +18,10 @@ from .events import Event
 # Rounding of the condition in a state at the event itself, in units in the last place.
 ROUNDINGS = 64.0
 # Least time between two events that are resolved as two, in roundings of the time.
-APART = 256.0
+RESOLVED_ROUNDINGS = 256.0
 
 
-class Zero(NamedTuple):
+class Root(NamedTuple):
     """The first zero of one event: its time, whether it happens, the size of the condition, how the
     search failed, and when (infinite if it did not).
 

@@ -52,7 +52,7 @@ def _as_flag(x: Any) -> Any:
 
 
 # States of this number take about a gigabyte: a larger number is a mistake.
-MOST = 10**7
+MOST_SAMPLES = 10**7
 
 
 @final
@@ -147,8 +147,8 @@ class Event(HashedModule):
 
 
 def _check_count(name: str, value: int, least: int) -> None:
-    """Raise `InputError` unless it is a whole number from `least` to `MOST`."""
-    if not isinstance(value, int | np.integer) or not least <= value <= MOST:
+    """Raise `InputError` unless it is a whole number from `least` to `MOST_SAMPLES`."""
+    if not isinstance(value, int | np.integer) or not least <= value <= MOST_SAMPLES:
         raise InputError(f"Event.{name} is {value}: it must be a whole number from {least} to 1e7.")
 
 

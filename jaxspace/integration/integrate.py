@@ -23,7 +23,7 @@ from ..solvers.regularised_step import evaluations_of
 from ..solvers.step_control import FIRST_STEP
 from ..solvers.tolerances import Tolerance
 from ..solvers.vector_field import TERM
-from ._event_location import SoughtEvents
+from ._event_state import TerminalEvents
 from ._exact import at_once, by_closed_form, joined
 from ._in_turn import in_turn
 from ._loop_settings import LoopSettings
@@ -156,17 +156,17 @@ def _by_steps(
     )
     if landing:
         segments = segments_of(system, t0, t1, fractions)
-    sought = None
+    terminal = None
     if request.until:
         start, y = jax.tree.map(jax.lax.stop_gradient, (t0, y0))
-        sought = SoughtEvents.of(request.until, system, start, y, run_axes, request.start_known)
+        terminal = TerminalEvents.of(request.until, system, start, y, run_axes, request.start_known)
     method = _method(config, system, y0)
-    settings = _settings(config, method, segments, landing, run_axes, request, sought)
+    settings = _settings(config, method, segments, landing, run_axes, request, terminal)
     field = ScaledVectorField(system, segments)
     outcome, form = _outcome(field, y0, config, settings, request, landing)
     result = result_of(outcome, field, y0, settings, config, fractions if landing else None)
-    if outcome.location is not None:
-        events = outcome.location.located(segments, t0, t1)
+    if outcome.event_state is not None:
+        events = outcome.event_state.located(segments, t0, t1)
         result = result._replace(events=barrier(events))
     if form is not None:
         taken = outcome.num_accepted + outcome.num_rejected
@@ -235,7 +235,7 @@ def _settings(
     landing: bool,
     run_axes: int,
     request: _Request,
-    sought: SoughtEvents | None = None,
+    terminal: TerminalEvents | None = None,
 ) -> LoopSettings:
     """Settings of the loop for these segments, from the configuration."""
     # Normalised time counts segments: their ends are the whole numbers.
@@ -254,9 +254,9 @@ def _settings(
         tolerance=tolerance,
         save_ts=save_ts,
         run_axes=run_axes,
-        searched=sought is not None,
+        searched=terminal is not None,
     )
-    reach, first_step = _reach_and_first_step(segments, request, sought, traits)
+    reach, first_step = _reach_and_first_step(segments, request, terminal, traits)
     return LoopSettings(
         method,
         tolerance,
@@ -265,7 +265,7 @@ def _settings(
         reach,
         max_steps,
         request.dense,
-        sought,
+        terminal,
         first_step=first_step,
         derivative_control=config.derivative_control,
         fixed_step=traits.fixed_step,
@@ -276,7 +276,7 @@ def _settings(
 def _reach_and_first_step(
     segments: Segments,
     request: _Request,
-    sought: SoughtEvents | None,
+    terminal: TerminalEvents | None,
     traits: SolverTraits,
 ) -> tuple[tuple[Array, Array] | None, float | None]:
     """Start and end of the steps, by default those of the run, and the first step, by default an
@@ -285,7 +285,7 @@ def _reach_and_first_step(
         # A short run, for which a single step is mostly short enough.
         return segments.reach(), 1.0
     # The estimate would be another copy of the vector field in addition to that of the search.
-    searched = request.for_search or sought is not None
+    searched = request.for_search or terminal is not None
     return None, FIRST_STEP if searched else None
 
 

@@ -18,7 +18,7 @@ from jaxtyping import Array, PyTree
 from ..core.layout import component_axes_of
 from ..solvers.protocol import bind
 from ..solvers.tolerances import Tolerance
-from ._event_location import SoughtEvents
+from ._event_state import TerminalEvents
 from ._individual_state import IndividualState
 from ._integration import Integration, Moving
 from ._layout_check import follows_layout
@@ -65,7 +65,7 @@ def add_run_axis(
         return x if is_mapped else jnp.broadcast_to(x[..., None], (*x.shape, size))
 
     y0 = jax.tree.map(state, moved.y0, mapped.y0)
-    if settings.sought is not None and not _of_each_run(settings.sought, y0):
+    if settings.terminal is not None and not _of_each_run(settings.terminal, y0):
         return None
     carried = (
         jax.tree.map(lambda x, o: o if eqx.is_array(x) else False, field, own),
@@ -97,17 +97,17 @@ def _carried_by(settings: LoopSettings) -> PyTree:
         ),
         is_leaf=lambda x: x is None,
     )
-    if settings.sought is None:
+    if settings.terminal is None:
         return flags
-    return eqx.tree_at(lambda s: s.sought.rounding, flags, True)
+    return eqx.tree_at(lambda s: s.terminal.rounding, flags, True)
 
 
-def _of_each_run(sought: SoughtEvents, y0: PyTree) -> bool:
+def _of_each_run(terminal: TerminalEvents, y0: PyTree) -> bool:
     """Whether each condition accepts the states of many runs and returns a number for each."""
     runs = jax.tree.leaves(y0)[0].shape[-1:]
-    t = jax.ShapeDtypeStruct(runs, sought.rounding.dtype)
+    t = jax.ShapeDtypeStruct(runs, terminal.rounding.dtype)
     try:
-        values = [eqx.filter_eval_shape(event.condition, t, y0) for event in sought.events]
+        values = [eqx.filter_eval_shape(event.condition, t, y0) for event in terminal.events]
     except Exception:  # noqa: BLE001 - whatever a user's condition raises, it is not a batch
         return False
     return all(value.shape == runs for value in values)
@@ -188,15 +188,15 @@ def _settings_axis(settings: LoopSettings, mapped: PyTree, size: int) -> LoopSet
     reach = every(settings.reach, mapped.reach, 0)
     tolerance = settings.tolerance
     tolerance = Tolerance(tolerance.rtol, tolerance.atol, axes)
-    sought = settings.sought
-    if sought is not None:
-        sought = _sought_axis(sought, mapped.sought, size)
+    terminal = settings.terminal
+    if terminal is not None:
+        terminal = _terminal_axis(terminal, mapped.terminal, size)
     method = bind(
         settings.method,
         tolerance=tolerance,
         save_ts=save_ts,
         run_axes=axes,
-        searched=sought is not None,
+        searched=terminal is not None,
     )
     return dataclasses.replace(
         settings,
@@ -206,18 +206,18 @@ def _settings_axis(settings: LoopSettings, mapped: PyTree, size: int) -> LoopSet
         longest_steps=longest,
         save_ts=save_ts,
         reach=reach,
-        sought=sought,
+        terminal=terminal,
     )
 
 
-def _sought_axis(sought: SoughtEvents, mapped: PyTree, size: int) -> SoughtEvents:
+def _terminal_axis(terminal: TerminalEvents, mapped: PyTree, size: int) -> TerminalEvents:
     """The events for a further axis of runs: their conditions have no numbers of each run."""
     if any(x is True for x in jax.tree.leaves(mapped.events)):
         raise _CannotMap
-    rounding = sought.rounding
+    rounding = terminal.rounding
     if not mapped.rounding:
         rounding = jnp.broadcast_to(rounding[..., None], (*rounding.shape, size))
-    return SoughtEvents(sought.events, rounding)
+    return TerminalEvents(terminal.events, rounding)
 
 
 def over_blocks(

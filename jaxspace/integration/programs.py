@@ -1,9 +1,9 @@
-"""Criterion for the compact program of a run: its stages are a loop, which compiles faster and runs
-slower.
+"""Criterion for rolled stages: the stages of a step are a loop of the program, which compiles
+faster and runs slower.
 
 Unrolled, the stages of a step contain the vector field 12 or 17 times. The time of the compiler
-grows faster than the operations of the field, that of a run as they do, so that the program becomes
-small from some size of the field on. Frequently executed programs justify longer compilation.
+grows faster than the operations of the field, that of a run as they do, so that the stages are
+rolled from some size of the field on. Frequently executed programs justify longer compilation.
 
 Measured by `python -m benchmarks first_answers` and `kick_stage`, each program in both forms.
 """
@@ -28,14 +28,14 @@ class Runs(enum.StrEnum):
 
 
 class Limit(NamedTuple):
-    """The number of `operations` of a vector field from which the compact program is used, and its
+    """The number of `operations` of a vector field from which the stages are rolled, and the
     benefit."""
 
     operations: int
     evidence: str
 
 
-SMALL_FROM = {
+ROLLED_FROM = {
     Runs.DERIVATIVE_OF_ONE: Limit(
         0, "the first call is mostly compilation, of three copies of the step"
     ),
@@ -62,10 +62,10 @@ stage that comes back under a parachute (900), and from a million of a rocket on
 ground (3,600)."""
 
 
-def is_small(runs: Runs, operations: int, count: float = math.inf) -> bool:
-    """Whether the program of these `runs` of a field with so many `operations` is small.
+def rolls_stages(runs: Runs, operations: int, count: float = math.inf) -> bool:
+    """Whether the stages of these `runs` of a field with so many `operations` are rolled.
 
     `count`: of the runs that a campaign plans; by default as many as may come."""
     if runs is Runs.CAMPAIGN and not count < FEW * operations**POWER:
         runs = Runs.LARGE_CAMPAIGN
-    return operations >= SMALL_FROM[runs].operations
+    return operations >= ROLLED_FROM[runs].operations

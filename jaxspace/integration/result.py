@@ -12,7 +12,7 @@ from ..core.barrier import barrier
 from ..core.groups import project
 from ..core.status import Status, status_from
 from ..solvers.protocol import solver_traits
-from ._event_location import LocatedEvents, Location
+from ._event_state import EventState, LocatedEvents
 from ._individual_state import IndividualLoop
 from ._loop_settings import LoopSettings
 from ._loop_state import LoopState
@@ -28,8 +28,8 @@ class Outcome(NamedTuple):
     - `states`: at the save times, or only the last one.
     - `max_local_error`, `out_of_steps`: of each run; the former in units of the tolerance.
     - `step_ends`, `step_states`: of the accepted steps, if requested.
-    - `location`: of the first event of each run, if events are sought; the last of the `states` is
-      the state there.
+    - `event_state`: of the first event of each run, if events are sought; the last of the `states`
+      is the state there.
     - `outside`: whether a step of each run ended outside the range of the system; `None` where none
       was asked."""
 
@@ -40,34 +40,36 @@ class Outcome(NamedTuple):
     num_rejected: Array
     step_ends: Array | None
     step_states: State | None
-    location: Location | None = None
+    event_state: EventState | None = None
     outside: Array | None = None
 
     def unpacked(self, packing: Packing) -> "Outcome":
         """The outcome with states in place of the packed vectors of one run."""
-        states, step_states, location = self.states, self.step_states, self.location
+        states, step_states, event_state = self.states, self.step_states, self.event_state
         if step_states is not None:
             step_states = jax.vmap(packing.state)(step_states)
-        if location is not None:
-            y0, y = packing.state(location.y0), packing.state(location.y)
-            location = location._replace(y0=y0, y=y)
+        if event_state is not None:
+            y0, y = packing.state(event_state.y0), packing.state(event_state.y)
+            event_state = event_state._replace(y0=y0, y=y)
         states = jax.vmap(packing.state)(states)
-        return self._replace(states=states, step_states=step_states, location=location)
+        return self._replace(states=states, step_states=step_states, event_state=event_state)
 
 
 def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
     """The outcome of the loop."""
-    location = loop.location
+    event_state = loop.event_state
     finished = loop.t >= settings.end
     # A run that failed needs no more steps.
     short = ~finished & settings.tolerance.alive(loop.y)
-    if location is not None:
+    if event_state is not None:
         # Nor does one that waits at its event.
-        short = short & ~location.waiting
+        short = short & ~event_state.waiting
     if loop.buffers.saved is None:
         # The state that was reached belongs to another time if the steps ran out.
         y = jax.tree.map(lambda x: jnp.where(finished, x, jnp.nan), loop.y)
-        states = jax.tree.map(lambda x: x[None], y if location is None else location.ended(y))
+        states = jax.tree.map(
+            lambda x: x[None], y if event_state is None else event_state.stopped(y)
+        )
     else:
         states = loop.buffers.saved.states
     return Outcome(
@@ -78,7 +80,7 @@ def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
         loop.rejected,
         loop.buffers.ends_of(loop.accepted),
         loop.buffers.step_states,
-        location,
+        event_state,
         loop.outside,
     )
 
@@ -94,7 +96,7 @@ def outcome_of_individual_steps(loop: IndividualLoop, settings: LoopSettings) ->
     return Outcome(
         states,
         loop.worst,
-        ~finished & alive & (loop.passes >= settings.max_steps),
+        ~finished & alive & (loop.iterations >= settings.max_steps),
         loop.accepted,
         loop.rejected,
         loop.buffers.ends_of(loop.count),
@@ -168,14 +170,14 @@ def result_of(
     if landed is not None:
         states = _at_fractions(states, field.segments.u, landed, run_axes)
     last = jax.tree.map(lambda x: x[-1], states)
-    if outcome.location is not None:
-        last = outcome.location.ended(last)
+    if outcome.event_state is not None:
+        last = outcome.event_state.stopped(last)
     finite = settings.tolerance.alive(last)
     finite = finite | outcome.out_of_steps  # a state that was not reached is NaN, too
     traits = solver_traits(config.solver)
     taken = outcome.num_accepted + outcome.num_rejected
-    if outcome.location is not None:
-        taken = taken + outcome.location.repetitions
+    if outcome.event_state is not None:
+        taken = taken + outcome.event_state.repetitions
     stats = {
         "steps": outcome.num_accepted * traits.steps,
         "rejected_steps": outcome.num_rejected,

@@ -24,7 +24,7 @@ from jaxtyping import Array, Bool, Float
 from ..core import AbstractSystem, Scalar, State
 from ..core.safe import safe_divide
 from .event_search import LocatedEvents, fixed
-from .event_zero import APART, ROUNDINGS, rounding_change
+from .event_zero import RESOLVED_ROUNDINGS, ROUNDINGS, rounding_change
 from .events import Event
 
 # Largest difference of the times at which two integrations pass a zero, in lengths of the step or
@@ -74,7 +74,9 @@ def simultaneous_events(
         if event.touch is not None:
             zero = zero & (jnp.abs(event.condition(t, y)) <= event.touch)
         # A run that continues only for rounding times has not left the zero at its start.
-        near = jnp.abs(t - t0) <= APART * _eps(value) * jnp.maximum(jnp.abs(t0), jnp.abs(t))
+        near = jnp.abs(t - t0) <= RESOLVED_ROUNDINGS * _eps(value) * jnp.maximum(
+            jnp.abs(t0), jnp.abs(t)
+        )
         stays = near & (jnp.abs(event.value(system, t0, y0)) <= limit)
         if event.at_start:
             stays = stays & (False if start_known is None else start_known[number] == jnp.inf)

@@ -44,7 +44,7 @@ SAME = 0.05
 # Smallest length of a block, in its unit, as for the default absolute tolerance.
 LEAST = 1e-3
 # Components of a state beyond which the matrices of the method cost more than they save.
-MOST = 40
+MOST_COMPONENTS = 40
 
 
 class InitialConditions(NamedTuple):
@@ -81,7 +81,7 @@ def is_stiff(starts: InitialConditions, rtol: float) -> bool:
 
     `False` for a state with many components, or if `rtol` is zero, which represents an unknown
     tolerance."""
-    if rtol == 0.0 or starts.components > MOST:
+    if rtol == 0.0 or starts.components > MOST_COMPONENTS:
         return False
     system, y, ts = starts.runs
     times = np.shape(ts)[0]

@@ -30,8 +30,8 @@ from .checks import (
     check_values,
     hints_of_arguments,
 )
-from .finish import finished
-from .repeat import Configs, cured
+from .finish import checked
+from .repeat import Configs, rerun_failed
 from .run_call import RunCall
 from .trajectory import Trajectory
 
@@ -116,9 +116,11 @@ def simulate_batch(
     if not traced:
         # The steps of a repetition with an exact part are those of the rest alone.
         options = {"exactly": not dense}
-        result, configs = cured(result, configs, again_by(run, batched), configs_for, **options)
+        result, configs = rerun_failed(
+            result, configs, again_by(run, batched), configs_for, **options
+        )
     trajectory = dataclasses.replace(result, call=RunCall(whole[0], accuracy, configs[0]))
-    return finished(trajectory, throw, stacklevel=3)
+    return checked(trajectory, throw, stacklevel=3)
 
 
 def _resolve_for(

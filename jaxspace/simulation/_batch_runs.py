@@ -199,8 +199,8 @@ def _relative_rate(system: AbstractSystem, y0: State, t: Array) -> Array:
 def again_by(
     run: Callable[[PyTree, Blocks, Configs], Result], batched: PyTree
 ) -> Callable[[Result, np.ndarray, Configs, int], Result]:
-    """The repetition of some runs of a batch, in the form of `cured`, from the `run` of some of
-    them."""
+    """The repetition of some runs of a batch, in the form of `rerun_failed`, from the `run` of
+    some of them."""
 
     def again(result: Result, rows: np.ndarray, configs: Configs, block: int) -> Result:
         # Padded to whole blocks, so that fewer shapes are compiled.

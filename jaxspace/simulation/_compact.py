@@ -77,7 +77,7 @@ class CompactRun(NamedTuple):
 def simulate_compact(
     mission: Mission, y0: State, t0: Scalar = 0.0, *, steps: int = 40
 ) -> CompactRun:
-    """The run of a mission in fixed steps, as a small program, for optimisation.
+    """The run of a mission in fixed steps, with rolled stages, for optimisation.
 
     **Arguments**
 
@@ -180,7 +180,7 @@ def _step_of(system: AbstractSystem, unravel: Callable[[Array], State]) -> Step:
         return ravel_pytree(system.vector_field(t, unravel(v)))[0]
 
     def step(t: Scalar, h: Scalar, v: Array) -> tuple[Array, Array]:
-        ks = stages(rate, t, h, v, tableau.DOP853_C, tableau.DOP853_A, [], in_loop=True)
+        ks = stages(rate, t, h, v, tableau.DOP853_C, tableau.DOP853_A, [], rolled=True)
         return combine(v, h, tableau.DOP853_B, ks), combine(None, h, tableau.DOP853_ERROR_5, ks)
 
     return step

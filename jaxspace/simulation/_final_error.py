@@ -130,7 +130,7 @@ class FinalError(HashedModule):
         finals = _named(result.final)
         if self.relative is not None:
             sizes = _sizes(result, last, axes).values()
-            allowed = [jnp.asarray(self.relative, x.dtype) * (x + SMALL) for x in sizes]
+            allowed = [jnp.asarray(self.relative, x.dtype) * (x + LEAST_SIZE) for x in sizes]
             return _of_one_precision(finals.values(), allowed, *counts)
         asked = {name: x for name in finals if (x := self._of_block(name)) is not None}
         self.check_blocks(result.final)
@@ -173,7 +173,7 @@ class FinalError(HashedModule):
 
 
 # A block close to zero, in its unit: as for the steps.
-SMALL = 1e-3
+LEAST_SIZE = 1e-3
 # Of what nothing is known before the first run. A tighter one would cost loose errors more than it
 # saves tight ones.
 USUAL = 1e-7

@@ -26,13 +26,13 @@ from ..integration.accuracy import (
     state_dtype,
 )
 from ..solvers.protocol import solver_traits
-from ._to_final_error import MOST
+from ._to_final_error import LOOSEST_TOLERANCE
 
 X = TypeVar("X")
 
 FINER = 0.01
 # A tolerance that is less than so many times smaller shows no error.
-LITTLE = 0.1
+LEAST_REFINEMENT = 0.1
 
 
 @printed(tolerance="")
@@ -76,8 +76,8 @@ def gradient_error(
     rtol = DEFAULT_RTOL[dtype.name] if accuracy.rtol is None else float(accuracy.rtol)
     other_rtol = max(FINER * rtol, 2.0 * least_tolerance(dtype))
     # At the limit of the precision no finer tolerance is left: a looser one is compared with.
-    if other_rtol > LITTLE * rtol:
-        other_rtol = min(rtol / FINER, MOST)
+    if other_rtol > LEAST_REFINEMENT * rtol:
+        other_rtol = min(rtol / FINER, LOOSEST_TOLERANCE)
     gradient, other = (_derivative(function, x, accuracy, r, forward) for r in (rtol, other_rtol))
     # The finer derivative has a hundredth of the error: the difference is that of the coarser one.
     error = jax.tree.map(lambda a, b: np.abs(np.asarray(a) - np.asarray(b)), gradient, other)

@@ -51,8 +51,8 @@ class Integrator(NamedTuple):
         start_known: Array | None = None,
     ) -> LocatedEvents:
         """`first_event` of these events."""
-        along = self.system, y0, t0, t1, events, self.config, self.run_axes
-        return first_event(*along, start_known)
+        arguments = self.system, y0, t0, t1, events, self.config, self.run_axes
+        return first_event(*arguments, start_known)
 
     def through(self, y0: State, times: Array) -> IntegrationResult:
         """States at `times`, (times, *runs), which differ between runs: interval by interval."""

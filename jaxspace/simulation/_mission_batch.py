@@ -15,10 +15,10 @@ from ._to_final_error import to_final_error
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from .blocks import Blocks
 from .checks import as_times, check_num_saved, hints_of_arguments
-from .finish import finished, with_calls
+from .finish import checked, with_calls
 from .mission_result import MissionTrajectory
 from .phases import resolve_phases
-from .repeat import Configs, cured
+from .repeat import Configs, rerun_failed
 
 
 @hints_of_arguments
@@ -85,6 +85,6 @@ def simulate_mission_batch(
     configs = resolve_phases(mission, y0, given, 1)
     result = run(batched, local_blocks((batched, shared), runs), configs)
     if not traced:
-        result, configs = cured(result, configs, again_by(run, batched), configs_for)
+        result, configs = rerun_failed(result, configs, again_by(run, batched), configs_for)
     trajectory = with_calls(result, mission, given, configs)
-    return finished(trajectory, throw, stacklevel=3)
+    return checked(trajectory, throw, stacklevel=3)

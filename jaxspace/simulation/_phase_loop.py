@@ -23,7 +23,7 @@ from ..integration.integrate import locates_events, searches_steps
 from ..integration.layout import broadcast_state, runs_of, state_at
 from ._integrator import Integrator
 from ._mission import Phase
-from ._to_event import SoughtCondition, integrate_to_event
+from ._to_event import SwitchedCondition, integrate_to_event
 from .checks import check_events
 from .legs import Leg
 from .phase_runs import SaveTimes, with_missed
@@ -105,7 +105,7 @@ def run_in_loop(
         y, t = carry
         differing, within, sought = own
         system, event = parts_of(differing)
-        event = dataclasses.replace(event, condition=SoughtCondition(event.condition, sought, t))
+        event = dataclasses.replace(event, condition=SwitchedCondition(event.condition, sought, t))
         events = closures_of_events((event,), t, y)
         # A phase that starts beyond its event lasts no time, as it does outside of a loop.
         beyond = events[0].beyond(t, y)

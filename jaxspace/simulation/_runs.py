@@ -19,7 +19,7 @@ from ..integration.integrate import locates_events
 from ..integration.layout import broadcast_state, runs_of
 from ._integrator import Integrator, of_each_run
 from ._restarts import collected, restarts_between, states_between
-from ._to_event import integrate_to_event, through_times_to_event, where_stopped
+from ._to_event import integrate_to_event, stopped_states, through_times_to_event
 from .masking import known_crossings, mask_invalid, nan_unless, scaled
 from .trajectory import Trajectory, without_events
 
@@ -128,7 +128,7 @@ def _with_restarts(
     stopped = (result.stopped_by >= 0) & (sign * asked >= sign * result.end)
     ts = jnp.where(stopped, result.end, asked)
     states, status, stats = states_between(integrator, y0, ts, result)
-    states = where_stopped(stopped, result.final, states, run_axes)
+    states = stopped_states(stopped, result.final, states, run_axes)
     # A run that failed may have had further events after its last restart.
     known = (result.status <= Status.EVENT) | (sign * asked <= sign * result.end)
     states = scaled(states, nan_unless(known))

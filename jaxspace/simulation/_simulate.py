@@ -38,8 +38,8 @@ from .checks import (
     hints_of_arguments,
 )
 from .failures import enough_steps, place_of_failure
-from .finish import finished
-from .repeat import Configs, cured
+from .finish import checked
+from .repeat import Configs, rerun_failed
 from .run_call import RunCall
 from .trajectory import Trajectory
 
@@ -118,9 +118,9 @@ def simulate(
         return run_one_system(system, y0, ts, events, configs[0], 0, dense)
 
     configs = configs_for(None, False)
-    result, configs = cured(run(configs), configs, lambda *a: run(a[2]), configs_for)
+    result, configs = rerun_failed(run(configs), configs, lambda *a: run(a[2]), configs_for)
     result = dataclasses.replace(result, call=RunCall(system, given, configs[0]))
-    return finished(result, throw, lambda: _place(result, run), stacklevel=3)
+    return checked(result, throw, lambda: _place(result, run), stacklevel=3)
 
 
 def _place(result: Trajectory, run: Callable[..., Trajectory]) -> str:

@@ -20,11 +20,11 @@ from ._mission import Mission, check_mission
 from ._to_final_error import to_final_error
 from .checks import as_times, check_num_saved, hints_of_arguments
 from .failures import mask_mission, place_of_failure
-from .finish import finished, with_calls
+from .finish import checked, with_calls
 from .mission_result import MissionTrajectory
 from .mission_runs import run_mission
 from .phases import resolve_phases
-from .repeat import Configs, cured
+from .repeat import Configs, rerun_failed
 
 
 @hints_of_arguments
@@ -88,12 +88,12 @@ def simulate_mission(
 
     # Not by the function above: warnings of a mission count the calls from here.
     configs = resolve_phases(mission, y0, given)
-    result, configs = cured(run(configs), configs, lambda *a: run(a[2]), configs_for)
+    result, configs = rerun_failed(run(configs), configs, lambda *a: run(a[2]), configs_for)
     # A known status without a failure needs no further program.
     if not is_concrete(result.status) or int(result.status) > Status.EVENT:
         result = _failed_are_nan(result)
     trajectory = with_calls(result, mission, given, configs)
-    return finished(trajectory, throw, lambda: _failed_phase(trajectory), stacklevel=3)
+    return checked(trajectory, throw, lambda: _failed_phase(trajectory), stacklevel=3)
 
 
 def _failed_phase(result: MissionTrajectory) -> str:

@@ -28,7 +28,7 @@ from .trajectory import Trajectory, without_events
 
 
 @final
-class SoughtCondition(eqx.Module):
+class SwitchedCondition(eqx.Module):
     """The condition of an event while it is `sought`; otherwise seconds since `start`, and one
     more, which for a run forwards is never zero, nor at rest as at a touch.
 
@@ -58,10 +58,10 @@ def search_to_event(
     at = found.which, found.time, last
     # The derivatives of the end are those of the correction, and not of the search.
     end = newton_correct(integrator.system, events, *at, located=found.state is not None)
-    return ended(integrator, y0, run, events, found, end)
+    return stopped_at_event(integrator, y0, run, events, found, end)
 
 
-def ended(
+def stopped_at_event(
     integrator: Integrator,
     y0: State,
     run: Trajectory,
@@ -76,8 +76,8 @@ def ended(
         happened = hit[None]
     else:
         places = (run.ts[0], y0), end
-        along = integrator.system, events, found, *places, integrator.run_axes
-        happened = simultaneous_events(*along).happened
+        arguments = integrator.system, events, found, *places, integrator.run_axes
+        happened = simultaneous_events(*arguments).happened
     # Times descend in a run backwards.
     sign = jnp.where(run.ts[-1] < run.ts[0], -1.0, 1.0).astype(run.ts.dtype)
     # The state at the start stays, also where the run ends at once.
@@ -91,7 +91,7 @@ def ended(
     return dataclasses.replace(
         run,
         ts=jnp.where(stopped, t, run.ts),
-        states=where_stopped(stopped, y, run.states, integrator.run_axes),
+        states=stopped_states(stopped, y, run.states, integrator.run_axes),
         status=jnp.where(hit, Status.EVENT, status),
         event=found.which,
         happened=happened,
@@ -137,7 +137,7 @@ def _integrate_to_event(
     else:
         states = replace_state(result.states, 0, y0, run_axes)
     run = without_events(ts, result._replace(states=states), run_axes)
-    return ended(integrator, y0, run, events, found, (found.time, found.state))
+    return stopped_at_event(integrator, y0, run, events, found, (found.time, found.state))
 
 
 @integrate_to_event.def_jvp
@@ -178,7 +178,7 @@ def through_times_to_event(
     return search_to_event(integrator, y0, asked[0], asked[-1], events, run_until)
 
 
-def where_stopped(stopped: Array, y: State, states: State, run_axes: int) -> State:
+def stopped_states(stopped: Array, y: State, states: State, run_axes: int) -> State:
     """The states, with `y` at those times, (times, *runs), at which a run has `stopped`."""
 
     def leaf(xs: Array, x: Array) -> Array:

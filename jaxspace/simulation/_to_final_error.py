@@ -35,7 +35,7 @@ from ..core.status import Status
 from ..core.tracing import is_traced
 from ..integration.accuracy import as_state, least_tolerance, state_dtype
 from ._final_error import FinalError, Measured, distance, rounding
-from .finish import finished
+from .finish import checked
 from .mission_result import Result, Simulated
 
 # Tolerances: one for each run of a batch, or of a run alone.
@@ -43,13 +43,13 @@ Rtol: TypeAlias = Float[Array | np.ndarray, "*runs"]
 
 # The first two tolerances lie so far apart. A looser first run would cost less, and the error of
 # the second would be guessed across a gap in which that of edges of forces follows no power.
-APART = 10.0
+TOLERANCE_RATIO = 10.0
 # In units of the error that a motion without growth would have.
 SECOND = 0.5
 # Below the tolerance from which "auto" takes another method: all runs are one program.
 CHOSEN_AT = 9e-6
 # The largest of all.
-MOST = 3e-5
+LOOSEST_TOLERANCE = 3e-5
 # The error of one step falls with the tolerance, and that of all with the steps of a method of
 # order 8 by a ninth less; the power is measured from the third run on, and not believed beyond.
 POWER, FLATTEST, STEEPEST = 0.85, 0.5, 1.1
@@ -125,8 +125,10 @@ def to_final_error(
     parts = captured_as_leaves(((run[0], y0, run[2]), options))
 
     least = 2.0 * least_tolerance(dtype)
-    second = jnp.clip(SECOND * asked.usual_tolerance(y0, runs), least, MOST / APART)
-    first = jnp.broadcast_to((APART * second).astype(dtype), runs)
+    second = jnp.clip(
+        SECOND * asked.usual_tolerance(y0, runs), least, LOOSEST_TOLERANCE / TOLERANCE_RATIO
+    )
+    first = jnp.broadcast_to((TOLERANCE_RATIO * second).astype(dtype), runs)
     if is_traced((parts, asked)):
         result, search = _traced(simulated, parts, asked, first, least)
     else:
@@ -134,7 +136,7 @@ def to_final_error(
     good = result.status <= Status.EVENT
     missed = good & (search.estimate > 1.0)
     result = _with_estimate(result, search, missed)
-    return finished(result, throw, lambda: _best(search), stacklevel=3)
+    return checked(result, throw, lambda: _best(search), stacklevel=3)
 
 
 def _known(
@@ -180,7 +182,7 @@ def _traced(
         return result, _exact(_without_derivatives(asked.measured(result)), first, rounded)
     blank = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(measured, first))
     # Of a run that was not made nothing is good, so that the first pass only remembers.
-    start = begun(blank, first * APART, least)._replace(rtol=first, runs=jnp.asarray(0))
+    start = begun(blank, first * TOLERANCE_RATIO, least)._replace(rtol=first, runs=jnp.asarray(0))
 
     def step(search: Search) -> Search:
         now = measured(search.rtol)
@@ -202,7 +204,7 @@ def begun(now: Measured, rtol: Rtol | float, least: float) -> Search:
     rtol = jnp.broadcast_to(jnp.asarray(rtol, now.allowed[0].dtype), now.good.shape)
     infinite = jnp.full_like(rtol, jnp.inf)
     return Search(
-        jnp.maximum(rtol / APART, least),
+        jnp.maximum(rtol / TOLERANCE_RATIO, least),
         jnp.stack([rtol, rtol]),
         now,
         infinite,

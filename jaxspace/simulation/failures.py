@@ -47,7 +47,7 @@ def mask_mission(result: MissionTrajectory) -> MissionTrajectory:
     return dataclasses.replace(result, phases=phases, final=final, end=end, branches=branches)
 
 
-def loud(result: T) -> T:
+def raise_if_failed(result: T) -> T:
     """The result of a traced simulation whose arrays all raise an error if a run failed.
 
     Values and derivatives raise, so that it does not matter which of them the caller returns. The

@@ -14,7 +14,7 @@ from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig
 from ._mission import Mission
-from .failures import loud
+from .failures import raise_if_failed
 from .legs import legs_of
 from .mission_result import MissionTrajectory, Result
 from .run_call import RunCall
@@ -39,7 +39,7 @@ def with_calls(
     return dataclasses.replace(result, phases=tuple(phases))
 
 
-def finished(
+def checked(
     result: Result, throw: bool, where: Callable[[], str] | None = None, *, stacklevel: int
 ) -> Result:
     """The result of a verb, with the warnings of its systems. Raises for a failed run, if `throw`,
@@ -60,7 +60,7 @@ def raise_failures(result: Result, where: Callable[[], str] | None = None) -> Re
     if is_concrete(result.status):
         # Also where the rest is differentiated eagerly: the place of the failure is then unknown.
         raise_on_failure(result.status, None if traced else where)
-    return loud(result) if traced else result
+    return raise_if_failed(result) if traced else result
 
 
 def warn_after(result: Result, stacklevel: int) -> Result:

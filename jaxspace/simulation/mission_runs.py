@@ -57,7 +57,7 @@ def run_mission(
     configs: tuple[IntegrationConfig, ...],
     run_axes: int,
     *,
-    rolled: bool = False,
+    shared_program: bool = False,
 ) -> MissionTrajectory:
     """All phases of a mission, and of its branches, in the order of `legs_of`.
 
@@ -67,11 +67,11 @@ def run_mission(
     - `num_saved`: number of states that each phase saves from its start to its end; or the
       `SaveTimes` of each phase.
     - `configs`: one for each phase, from `resolve_phases`.
-    - `rolled`: whether phases that differ in their numbers only share a program (`run_in_loop`),
-      which compiles faster and uses different steps."""
+    - `shared_program`: whether phases that differ in their numbers only share a program
+      (`run_in_loop`), which compiles faster and uses different steps."""
     legs, branch_names = legs_of(mission)
     saved = [num_saved] * len(legs) if isinstance(num_saved, int) else num_saved
-    groups = loop_groups(legs, num_saved, configs) if rolled else {}
+    groups = loop_groups(legs, num_saved, configs) if shared_program else {}
     alike: dict[int, Trajectory] = {}
     results: list[Trajectory] = []
     # Of each phase: time and state after its jump, and the status up to there.

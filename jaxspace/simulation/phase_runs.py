@@ -25,7 +25,7 @@ from ..integration.layout import (
 )
 from ..integration.result import IntegrationResult
 from ._integrator import Integrator
-from ._to_event import SoughtCondition, ended, integrate_to_event, search_to_event
+from ._to_event import SwitchedCondition, integrate_to_event, search_to_event, stopped_at_event
 from .checks import check_events
 from .trajectory import Trajectory, without_events
 
@@ -35,21 +35,21 @@ class MissionTimes(NamedTuple):
 
     - `times`: of the mission, s, (chosen,); a time outside of the phase of a run becomes the nearer
       end of the phase.
-    - `along`: number of further states, evenly spaced from its start to its end."""
+    - `samples`: number of further states, evenly spaced from its start to its end."""
 
     times: Float[Array, " chosen"]
-    along: int
+    samples: int
 
     def fractions(self, t0: Float[Array, "*runs"], t1: Float[Array, "*runs"]) -> Array:
-        """Fractions of the phase at which each run saves, (chosen + along, *runs).
+        """Fractions of the phase at which each run saves, (chosen + samples, *runs).
 
         The phase of a run lasts from `t0` to `t1`, s."""
         times = self.times.astype(t0.dtype).reshape(-1, *(1,) * t0.ndim)
         x = safe_divide(times - t0, t1 - t0)
         # NaN becomes zero, because the end of a failed run must not change the steps of the others.
         shares = jnp.where(x > 0.0, jnp.minimum(x, 1.0), 0.0)
-        even = jnp.linspace(0.0, 1.0, self.along, dtype=t0.dtype).reshape(-1, *(1,) * t0.ndim)
-        return jnp.concatenate([shares, jnp.broadcast_to(even, (self.along, *t0.shape))])
+        even = jnp.linspace(0.0, 1.0, self.samples, dtype=t0.dtype).reshape(-1, *(1,) * t0.ndim)
+        return jnp.concatenate([shares, jnp.broadcast_to(even, (self.samples, *t0.shape))])
 
 
 # The axis of times has no name, because each phase has its own number of them.
@@ -178,7 +178,7 @@ def _sampled_to_event(
     fractions = jnp.linspace(0.0, 1.0, num_saved, dtype=t0.dtype)
 
     def once(end: Scalar, sought: Array) -> tuple[Scalar, IntegrationResult]:
-        condition = SoughtCondition(event.condition, sought, t0)
+        condition = SwitchedCondition(event.condition, sought, t0)
         until = (eqx.tree_at(lambda e: e.condition, event, condition),)
         result = integrator.run(y0, t0, end, fractions, until=until)
         assert result.events is not None
@@ -191,7 +191,7 @@ def _sampled_to_event(
     ts = (t0 + fractions * (found.time - t0)).at[-1].set(found.time)
     phase = without_events(ts, result._replace(states=states), 0)
     end = found.time, found.met(state_at(states, -1, 0))
-    return ended(integrator, y0, phase, (event,), found, end)
+    return stopped_at_event(integrator, y0, phase, (event,), found, end)
 
 
 @_sampled_to_event.def_jvp

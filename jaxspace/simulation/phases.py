@@ -11,7 +11,7 @@ from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
 from ..integration.field_trace import field_trace
-from ..integration.programs import Runs, is_small
+from ..integration.programs import Runs, rolls_stages
 from ._mission import Mission, Phase
 from ._warnings import warn_of_switches
 from .checks import check_structure, shapes_after
@@ -25,17 +25,17 @@ def resolve_phases(
     accuracy: Accuracy,
     run_axes: int = 0,
     *,
-    small: bool | None = None,
+    rolled: bool | None = None,
 ) -> tuple[IntegrationConfig, ...]:
     """The configuration of every phase, in the order of `legs_of`, before anything is compiled.
 
-    The structure of the state in a phase follows from the jumps before it. `small`: whether the
-    steps of many runs are a small program, by default determined by the mission only, so that a run
-    does not depend on the number of others."""
+    The structure of the state in a phase follows from the jumps before it. `rolled`: whether the
+    stages of many runs are rolled, by default determined by the mission only, so that a run does
+    not depend on the number of others."""
     configs, operations = resolve_and_count(mission, y0, accuracy, run_axes)
     # The operations of the fields of all phases together, which are one program.
-    if run_axes and (is_small(Runs.MANY, operations) if small is None else small):
-        return tuple(config.small_program() for config in configs)
+    if run_axes and (rolls_stages(Runs.MANY, operations) if rolled is None else rolled):
+        return tuple(config.rolled_stages() for config in configs)
     return configs
 
 

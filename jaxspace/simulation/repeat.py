@@ -21,7 +21,7 @@ from .trajectory import Trajectory
 Configs: TypeAlias = tuple[IntegrationConfig, ...]
 
 
-def cured(
+def rerun_failed(
     result: Result,
     configs: Configs,
     again: Callable[[Result, np.ndarray, Configs, int], Result],

@@ -231,7 +231,7 @@ class Trajectory(HashedModule):
         """The part of the run from the state `y0` at `t0` to `t1`, s, with its steps."""
         ts = jax.device_put(np.asarray([t0, t1], self.ts.dtype))
         # The program takes far longer to compile than to run.
-        config = self.config.small_program()
+        config = self.config.rolled_stages()
         result = with_stored_steps(self.system, y0, ts, config)
         # As the run itself, of which these states were finite.
         part = without_events(ts, result._replace(status=jnp.zeros_like(result.status)), 0)

@@ -26,7 +26,7 @@ from jaxtyping import Array, Float
 
 from ..core import State
 from .protocol import AbstractFieldSolver, Advance, SolverTraits
-from .regularised_step import Regular, attempt, landed, regularised_start
+from .regularised_step import Regular, landed, regularised_start, trial_step
 from .vector_field import ScaledField, StepField
 
 # Number of steps that land on a time within a step: the error of each is the effect of the
@@ -67,7 +67,7 @@ class AdaptiveRegularised(AbstractFieldSolver):
 
         def closer(_: Array, z: Regular) -> Regular:
             h = jax.lax.stop_gradient(form.fictitious_time(duration - z[-1], z))
-            return attempt(form, t, duration, z, h).z
+            return trial_step(form, t, duration, z, h).z
 
         z = jax.lax.fori_loop(0, LANDINGS, closer, z)
         y1 = form.from_regularised(landed(form, t, duration, z))

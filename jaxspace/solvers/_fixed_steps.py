@@ -20,7 +20,7 @@ from .protocol import (
     bind,
     check_steps,
     for_second_order,
-    small_program,
+    rolled_stages,
     solver_traits,
 )
 from .tolerances import Tolerance
@@ -75,8 +75,8 @@ class FixedSteps(AbstractFixedStep):
         """Name of the method in tables."""
         return type(self.solver).__name__
 
-    def small_program(self) -> "FixedSteps":
-        return FixedSteps(small_program(self.solver), self.steps)
+    def rolled_stages(self) -> "FixedSteps":
+        return FixedSteps(rolled_stages(self.solver), self.steps)
 
     def for_second_order(self) -> "FixedSteps":
         return FixedSteps(for_second_order(self.solver), self.steps)

@@ -31,7 +31,7 @@ from .protocol import (
     SolverTraits,
     bind,
     linear_errors,
-    small_program,
+    rolled_stages,
     solver_traits,
 )
 from .tolerances import Tolerance
@@ -116,8 +116,8 @@ class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         )
         return MuntheKaas(inner)
 
-    def small_program(self) -> "MuntheKaas":
-        return MuntheKaas(small_program(self.solver))
+    def rolled_stages(self) -> "MuntheKaas":
+        return MuntheKaas(rolled_stages(self.solver))
 
     def linear_errors(self) -> "MuntheKaas":
         return MuntheKaas(linear_errors(self.solver))

@@ -102,11 +102,11 @@ def nystrom_step(
     h: Float[Array, ""],
     r: Vectors,
     v: Vectors,
-    in_loop: bool = False,
+    rolled: bool = False,
 ) -> NystromStep:
     """One step of length `h` in normalised time, from position `r` and velocity `v` at `s0`.
 
-    `in_loop`: whether the stages are a loop of the program (`stage_loop`)."""
+    `rolled`: whether the stages are a loop of the program (`stage_loop`)."""
     # The precision of the time is unchanged: a state in single precision may have a time in double.
     h = h.astype(r.dtype)
 
@@ -116,7 +116,7 @@ def nystrom_step(
         s = s0 + jax.lax.convert_element_type(c, s0.dtype) * h.astype(s0.dtype)
         return system.acceleration(s, r + h * system.position_rate(mean))
 
-    if in_loop:
+    if rolled:
         ks = stage_loop(derivative, r, method.c, method.a)
     else:
         ks = []

@@ -139,7 +139,7 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
 
     - `save_ts`: the times at which states are saved, if they are known beforehand. `simulate` sets
       them; without them every step computes the dense output.
-    - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
+    - `rolled`: whether the stages are a loop of the program, which compiles sooner and runs
       slower. Set for derivatives of single runs.
     - `run_axes`: number of trailing axes of the state carry runs; by default all but the first.
       `simulate` sets it.
@@ -148,7 +148,7 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     """
 
     save_ts: Float[Array, "times *#runs"] | None = None
-    in_loop: bool = eqx.field(static=True, default=False)
+    rolled: bool = eqx.field(static=True, default=False)
     run_axes: int | None = eqx.field(static=True, default=None)
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = _HermiteOutput
@@ -167,11 +167,11 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     ) -> "RKN1210":
         del tolerance
         if searched:
-            return RKN1210(None, self.in_loop, run_axes)
-        return RKN1210(jnp.zeros((0,)) if save_ts is None else save_ts, self.in_loop, run_axes)
+            return RKN1210(None, self.rolled, run_axes)
+        return RKN1210(jnp.zeros((0,)) if save_ts is None else save_ts, self.rolled, run_axes)
 
-    def small_program(self) -> "RKN1210":
-        return RKN1210(self.save_ts, in_loop=True, run_axes=self.run_axes)
+    def rolled_stages(self) -> "RKN1210":
+        return RKN1210(self.save_ts, rolled=True, run_axes=self.run_axes)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 12
@@ -210,7 +210,7 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     ) -> "_Part":
         """The step of this fraction of the length `h`."""
         length = x.astype(h.dtype) * h
-        step = nystrom_step(system, RKN12, t0, length, system.r, system.v, self.in_loop)
+        step = nystrom_step(system, RKN12, t0, length, system.r, system.v, self.rolled)
         errors = (weighted(row, step.ks) for row in (POSITION_ERROR, VELOCITY_ERROR))
         return _Part(step.r, step.v, step.mean_velocity, step.ks[0], *errors)
 

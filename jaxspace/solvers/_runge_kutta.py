@@ -118,7 +118,7 @@ class _AbstractStages(AbstractFieldSolver):
     can be computed, and whether the stages are a loop of the program."""
 
     dense: eqx.AbstractVar[bool]
-    in_loop: eqx.AbstractVar[bool]
+    rolled: eqx.AbstractVar[bool]
 
     def bind(
         self,
@@ -131,8 +131,8 @@ class _AbstractStages(AbstractFieldSolver):
         del tolerance, run_axes
         return dataclasses.replace(self, dense=searched or save_ts is not None)
 
-    def small_program(self) -> AbstractFieldSolver:
-        return dataclasses.replace(self, in_loop=True)
+    def rolled_stages(self) -> AbstractFieldSolver:
+        return dataclasses.replace(self, rolled=True)
 
 
 @final
@@ -145,7 +145,7 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
     **Arguments**
 
     - `dense`: whether states within a step can be computed. `simulate` sets it.
-    - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
+    - `rolled`: whether the stages are a loop of the program, which compiles sooner and runs
       slower. Set for derivatives of single runs.
     - `in_parts`: whether the error of a step is returned as its `EmbeddedErrors`. Set for the
       errors of tangents.
@@ -154,7 +154,7 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
       `simulate` sets it."""
 
     dense: bool = eqx.field(static=True, default=True)
-    in_loop: bool = eqx.field(static=True, default=False)
+    rolled: bool = eqx.field(static=True, default=False)
     in_parts: bool = eqx.field(static=True, default=False)
     second_order: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
@@ -177,16 +177,16 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
         self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: None
     ) -> Advance:
         del carried
-        # The state of a small program may be packed into one vector.
+        # With rolled stages the state may be packed into one vector.
         if self.second_order and parts_of(y0) is not None:
             return self._second_order(f, t0, t1, y0)
         h = t1 - t0
         c, a = tableau.DOP853_C, tableau.DOP853_A
-        if self.dense and self.in_loop:
+        if self.dense and self.rolled:
             # The loop includes the stages of the dense output, the first of which is at the end.
             c = (*c, 1.0, *tableau.DOP853_DENSE_C)
             a = (*a, tableau.DOP853_B, *tableau.DOP853_DENSE_A)
-        ks = stages(f, t0, h, y0, c, a, [], self.in_loop)
+        ks = stages(f, t0, h, y0, c, a, [], self.rolled)
         # Behind a barrier, because the dense output and the error read it too.
         y1 = barrier(combine(y0, h, tableau.DOP853_B, ks))
         error = self._error(lambda row: combine(None, h, row, ks))
@@ -215,7 +215,7 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
         method, a = DOP853_NYSTROM, tableau.DOP853_A
         if self.dense:
             method, a = DOP853_NYSTROM_DENSE, DOP853_DENSE_ROWS
-        step = nystrom_step(system, method, t0, h, system.r, system.v, self.in_loop)
+        step = nystrom_step(system, method, t0, h, system.r, system.v, self.rolled)
         sums = functools.partial(stage_sum, system, a, h, step.ks)
         error = self._error(sums)
         y1 = system.state(step.r, step.v)
@@ -240,17 +240,17 @@ class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
     **Arguments**
 
     - `dense`: whether states within a step can be computed. `simulate` sets it.
-    - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
+    - `rolled`: whether the stages are a loop of the program, which compiles sooner and runs
       slower, with seven evaluations a step. Set for large vector fields."""
 
     dense: bool = eqx.field(static=True, default=True)
-    in_loop: bool = eqx.field(static=True, default=False)
+    rolled: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = _NestedProducts
 
     @property
     def traits(self) -> SolverTraits:
-        return SolverTraits(evaluations=7 if self.in_loop else 6, linear=True)
+        return SolverTraits(evaluations=7 if self.rolled else 6, linear=True)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 5
@@ -258,7 +258,7 @@ class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
     def start(
         self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State
     ) -> State | None:
-        return None if self.in_loop else f(t0, y0)
+        return None if self.rolled else f(t0, y0)
 
     def longer(self, carried: State | None, factor: Float[Array, "*runs"]) -> State | None:
         return jax.tree.map(lambda k: k * factor.astype(k.dtype), carried)
@@ -272,9 +272,9 @@ class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
         carried: State | None,
     ) -> Advance:
         h = t1 - t0
-        if self.in_loop:
+        if self.rolled:
             # The last row is the end of the step, and its stage the derivative there.
-            ks = stages(f, t0, h, y0, tableau.TSIT5_C, tableau.TSIT5_A, [], in_loop=True)
+            ks = stages(f, t0, h, y0, tableau.TSIT5_C, tableau.TSIT5_A, [], rolled=True)
             y1 = barrier(combine(y0, h, tableau.TSIT5_B, ks))
             return Advance(
                 y1, combine(None, h, tableau.TSIT5_ERROR, ks), self._within(h, y0, y1, ks)

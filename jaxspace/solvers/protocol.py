@@ -14,7 +14,7 @@ __all__ = [
     "for_second_order",
     "forward_mode",
     "refine",
-    "small_program",
+    "rolled_stages",
     "solver_traits",
 ]
 
@@ -87,7 +87,7 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
         del tolerance, save_ts, run_axes, searched
         return self
 
-    def small_program(self) -> diffrax.AbstractSolver:
+    def rolled_stages(self) -> diffrax.AbstractSolver:
         """The same method as a program that compiles faster and runs slower, if available."""
         return self
 
@@ -318,11 +318,11 @@ def refine(solver: diffrax.AbstractSolver, factor: int) -> diffrax.AbstractSolve
     return solver.refined(factor) if isinstance(solver, AbstractFixedStep) else solver
 
 
-def small_program(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
+def rolled_stages(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
     """The same method as a program that compiles faster and runs slower, if available."""
     if isinstance(solver, diffrax.AbstractWrappedSolver):
-        return _wrapping(solver, small_program(solver.solver))
-    return solver.small_program() if isinstance(solver, AbstractDeclaredSolver) else solver
+        return _wrapping(solver, rolled_stages(solver.solver))
+    return solver.rolled_stages() if isinstance(solver, AbstractDeclaredSolver) else solver
 
 
 def linear_errors(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:

@@ -35,7 +35,7 @@ CLOSE = 1e-5
 FIRST_STEP = 0.1
 
 
-class Attempt(NamedTuple):
+class TrialStep(NamedTuple):
     """A step: the variables after it, their error, and dt/d(sigma) at its start."""
 
     z: Regular
@@ -82,14 +82,14 @@ def order_of(form: AbstractRegularised) -> float:
     return 12.0 if isinstance(form, AbstractSecondOrderForm) else 7.0
 
 
-def attempt(
+def trial_step(
     form: AbstractRegularised,
     t: Scalar,
     duration: Scalar,
     z: Regular,
     h: Scalar,
-    in_loop: bool = False,
-) -> Attempt:
+    rolled: bool = False,
+) -> TrialStep:
     """Take one step `h` in fictitious time.
 
     **Arguments**
@@ -98,13 +98,13 @@ def attempt(
     - `t`, `duration`: start and length of the segment, s.
     - `z`: the variables before the step.
     - `h`: the step.
-    - `in_loop`: whether the stages are a loop of the program (`stage_loop`).
+    - `rolled`: whether the stages are a loop of the program (`stage_loop`).
 
     **Returns** the variables after it, their error estimates and the rate of time at `z`."""
     if isinstance(form, AbstractSecondOrderForm):
-        return _second_order_attempt(form, z, h, in_loop)
+        return _second_order_trial_step(form, z, h, rolled)
     ks = []
-    if in_loop:
+    if rolled:
         ks = stage_loop(
             lambda _, change: derivative_in(form, t, duration, z + h * change),
             *(z, tableau.DOP853_C, tableau.DOP853_A),
@@ -116,7 +116,7 @@ def attempt(
     error = cautious(
         combine(None, h, tableau.DOP853_ERROR_5, ks), combine(None, h, tableau.DOP853_ERROR_3, ks)
     )
-    return Attempt(z1, error, ks[0][-1])
+    return TrialStep(z1, error, ks[0][-1])
 
 
 @quick_jit
@@ -124,16 +124,16 @@ def _rates(form: AbstractSecondOrderForm, q: Array, held: Array) -> tuple[Array,
     return barrier(form.rates(barrier(q), held))
 
 
-def _second_order_attempt(
-    form: AbstractSecondOrderForm, z: Regular, h: Scalar, in_loop: bool
-) -> Attempt:
+def _second_order_trial_step(
+    form: AbstractSecondOrderForm, z: Regular, h: Scalar, rolled: bool
+) -> TrialStep:
     n = (z.shape[0] - 2) // 2
     q, p, held = barrier((z[:n], z[n : 2 * n], form.held(z)))
     c, a = tableau.RKN1210_C, tableau.RKN1210_A
     ks, rates = [], []
     # The part of the time that is not a function of q and p is integrated as a velocity: its rate
     # depends on q alone, and no rate depends on it.
-    if in_loop:
+    if rolled:
         ks, rates = stage_loop(
             lambda node, change: _rates(form, q + h * (node * p + h * change[0]), held),
             *((q, z[-1]), c, a),
@@ -156,7 +156,7 @@ def _second_order_attempt(
     zero = jnp.zeros_like(z[2 * n :])
     z1 = jnp.concatenate([q1, p1, z[2 * n : -1], t1[None]])
     error = jnp.concatenate([of_q, of_p, zero])
-    return Attempt(z1, error, form.clock(q))
+    return TrialStep(z1, error, form.clock(q))
 
 
 def landed(form: AbstractRegularised, t: Scalar, duration: Scalar, z: Regular) -> Regular:

@@ -69,7 +69,7 @@ def stages(
     c: tuple[float, ...],
     a: tuple[Weights, ...],
     ks: list[State],
-    in_loop: bool = False,
+    rolled: bool = False,
 ) -> list[State] | State:
     """The derivatives at the stages of a step.
 
@@ -80,7 +80,7 @@ def stages(
     - `y0`: the state from which the stages start.
     - `c`, `a`: nodes and rows of the stages to evaluate.
     - `ks`: the derivatives at the stages before these; none of them for a loop.
-    - `in_loop`: whether the stages are a loop of the program (`stage_loop`).
+    - `rolled`: whether the stages are a loop of the program (`stage_loop`).
 
     **Returns** `ks`, followed by one derivative for each row of `a`; of a loop one tree, with the
     stages on the first axis of its leaves.
@@ -94,7 +94,7 @@ def stages(
             y = jax.tree.map(lambda y, d: y + h.astype(y.dtype) * d, y0, change)
         return f(jnp.minimum(t0 + h * jax.lax.convert_element_type(ci, h.dtype), end), y)
 
-    if in_loop:
+    if rolled:
         return stage_loop(derivative, y0, c, a)
     for ci, row in zip(c, a, strict=True):
         change = jax.tree.map(lambda *kl, row=row: weighted(row, kl), *ks) if row else None

@@ -14,7 +14,7 @@ IDENTITY = {
     "rtol": "the relative tolerance",
     "atol": "the absolute tolerance",
     "method": "the method",
-    "small_program": "the compact form of its steps",
+    "rolled_stages": "the compact form of its steps",
     "description": "the scene",
     "files": "the files that the scene names",
     "modules": "the modules with user-defined physics",

@@ -233,7 +233,7 @@ def test_a_store_refuses_another_campaign_and_names_the_difference(copy, changed
 
 def test_the_planned_runs_choose_the_program_of_all(tmp_path, monkeypatch):
     """Once: workers and resumed stores keep the program that was chosen first."""
-    monkeypatch.setattr(_program, "is_small", lambda kind, operations, runs: runs < 1000)
+    monkeypatch.setattr(_program, "rolls_stages", lambda kind, operations, runs: runs < 1000)
     stores = {runs: tmp_path / f"{runs}.zarr" for runs in (600, 900, 1100)}
     few, more, many = (fly(store, runs=runs).outputs["x"] for runs, store in stores.items())
     apart = fly(runs=900, engine="processes").outputs["x"]
@@ -241,7 +241,7 @@ def test_the_planned_runs_choose_the_program_of_all(tmp_path, monkeypatch):
     np.testing.assert_array_equal(more, apart)
     # Their first steps differ, and so do all others: both to 1e-9 a step, in some twenty steps.
     np.testing.assert_allclose(more, many[:900], rtol=0.0, atol=2e-8)
-    kinds = [open_store(s).attributes.get("small_program") for s in stores.values()]
+    kinds = [open_store(s).attributes.get("rolled_stages") for s in stores.values()]
     assert kinds == [True, True, None]
     # A store keeps the program of its runs when it is resumed or extended.
     np.testing.assert_array_equal(fly(stores[600], runs=1100, resume=True).outputs["x"][:900], more)

@@ -146,7 +146,7 @@ def test_a_slow_run_leaves_the_others_their_derivatives(monkeypatch, fresh_progr
     """Where the record is full, and the steps that the runs share are used up by one of them."""
     times = jnp.linspace(0.0, 12.0, 2)
     alone = slopes(whole_runs(), times)
-    monkeypatch.setattr(_record, "SHORT", 0)
+    monkeypatch.setattr(_record, "RECORDED_STEPS", 0)
     monkeypatch.setattr(_record, "FEWEST_ROWS", 8)
     some = slopes(starts(), times, 298)
     assert np.all(np.isnan(some.position[:, [SLOW, FAILING]]))
@@ -159,7 +159,7 @@ def test_a_record_that_is_full_takes_steps_that_all_runs_share(monkeypatch, fres
     """The same derivatives, within what the tolerance of the runs makes of them."""
     y, times = whole_runs(), jnp.linspace(0.0, 12.0, 3)
     whole = slopes(y, times)
-    monkeypatch.setattr(_record, "SHORT", 0)
+    monkeypatch.setattr(_record, "RECORDED_STEPS", 0)
     monkeypatch.setattr(_record, "FEWEST_ROWS", 8)
     # Another limit, so that this is another program.
     shared = slopes(y, times, 299)

@@ -22,7 +22,7 @@ from jaxspace import (
 )
 from jaxspace.bodies import Load, RigidBody
 from jaxspace.core import Table
-from jaxspace.integration._tangents import Probes
+from jaxspace.integration._tangents import Directions
 from jaxspace.orbits import PointGravity, UniformGravity
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
@@ -209,19 +209,19 @@ def test_it_is_switched_off_by_name():
 
 
 @pytest.fixture
-def looks(monkeypatch):
-    """Has a number for each time that a run looks at its tangents."""
-    looks, after = [], Probes.after
+def monitored(monkeypatch):
+    """Has a number for each time that a run monitored at its tangents."""
+    monitored, after = [], Directions.after
 
     def counted(*args):
-        jax.debug.callback(lambda: looks.append(1))
+        jax.debug.callback(lambda: monitored.append(1))
         return after(*args)
 
-    monkeypatch.setattr(Probes, "after", counted)
-    return looks
+    monkeypatch.setattr(Directions, "after", counted)
+    return monitored
 
 
-def test_steps_that_nodes_keep_short_are_looked_at_once(looks):
+def test_steps_that_nodes_keep_short_are_monitored_once(monitored):
     """A table of 61 nodes ends all steps of a motion that would need one or two between them."""
 
     def end(values):
@@ -233,10 +233,10 @@ def test_steps_that_nodes_keep_short_are_looked_at_once(looks):
     jax.block_until_ready(jax.grad(end)(jnp.ones(61)))
     jax.effects_barrier()
     # Of some sixty steps the third, the 27th and the 51st, and before them while they grow.
-    assert 1 <= len(looks) <= 6
+    assert 1 <= len(monitored) <= 6
 
 
-def test_an_orbit_is_looked_at_once_in_some_dozen_steps(looks):
+def test_an_orbit_is_monitored_once_in_some_dozen_steps(monitored):
     """The motion limits its steps; the last ones are short because the run ends, and tell nothing
     of a derivative: each look takes as long as ten steps."""
     # Orbits of several sizes end at several places of a step.
@@ -254,11 +254,11 @@ def test_an_orbit_is_looked_at_once_in_some_dozen_steps(looks):
     jax.block_until_ready(jax.grad(end)(y0))
     jax.effects_barrier()
     # At the third step; they take fewer than 24.
-    assert len(looks) == 1
+    assert len(monitored) == 1
 
 
 @pytest.mark.parametrize("control", [True, False])
-def test_the_times_of_zeros_are_differentiated_with_or_without_it(looks, control):
+def test_the_times_of_zeros_are_differentiated_with_or_without_it(monitored, control):
     """The integration from a sample to a zero has the setting of the run."""
     y0 = BodyState(jnp.zeros(3), jnp.asarray(0.1 * ALONG_X))
     passing = Event(lambda t, y: y.position[0] - 0.5, terminal=False, capacity=1)
@@ -270,7 +270,7 @@ def test_the_times_of_zeros_are_differentiated_with_or_without_it(looks, control
 
     slope = jax.block_until_ready(jax.grad(time)(0.0))
     jax.effects_barrier()
-    assert bool(looks) == control
+    assert bool(monitored) == control
     if control:
         # The body is ahead by the displacement that the force causes until t = 5 s.
         ahead = 5.0 / RATE - np.sin(5.0 * RATE) / RATE**2

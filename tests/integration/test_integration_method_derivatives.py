@@ -40,15 +40,15 @@ SCENE = Scene([PointGravity(MU), Oblateness(MU, J2, RADIUS)])
 # looser.
 SOLVERS = {
     "DOP853": (DOP853(), 1e-10, 2048),
-    "DOP853 in a loop": (DOP853(in_loop=True), 1e-10, 2048),
+    "DOP853 in a loop": (DOP853(rolled=True), 1e-10, 2048),
     "Tsit5": (Tsit5(), 1e-9, 8192),
     "RKN1210": (RKN1210(), 1e-10, 2048),
-    "MuntheKaas": (MuntheKaas(DOP853(in_loop=True)), 1e-10, 2048),
+    "MuntheKaas": (MuntheKaas(DOP853(rolled=True)), 1e-10, 2048),
     "ExponentialRosenbrock": (ExponentialRosenbrock(), 1e-9, 8192),
     "Regularised": (Regularised(steps=800), 1e-6, 2048),
     "Splitting": (Splitting((8, 6, 4), steps=1600), 1e-6, 2048),
     "Stormer": (Stormer(steps=2400), 1e-6, 4096),
-    "FixedSteps": (FixedSteps(DOP853(in_loop=True), steps=1600), 1e-6, 4096),
+    "FixedSteps": (FixedSteps(DOP853(rolled=True), steps=1600), 1e-6, 4096),
     "Dopri8": (diffrax.Dopri8(), 1e-10, 2048),
 }
 # diffrax's own methods hold a `custom_vjp`, which has no forward mode.

@@ -21,7 +21,7 @@ from jaxspace.solvers.embedded_errors import EmbeddedErrors
 from jaxspace.solvers.protocol import solver_traits
 from jaxspace.solvers.tolerances import Tolerance
 
-ACCURACY = Accuracy(rtol=1e-8, atol=1e-8, method=DOP853(in_loop=True))
+ACCURACY = Accuracy(rtol=1e-8, atol=1e-8, method=DOP853(rolled=True))
 TIMES = jnp.array([0.0, 0.8, 1.5, 9.0])
 GROUND = Event(lambda t, y: y.position[2])
 
@@ -74,7 +74,7 @@ def both():
 
     with pytest.MonkeyPatch.context() as patch:
         # As if the field were large.
-        patch.setitem(programs.SMALL_FROM, programs.Runs.ONE, programs.Limit(0, ""))
+        patch.setitem(programs.ROLLED_FROM, programs.Runs.ONE, programs.Limit(0, ""))
         packed = found(True)
         patch.setattr(_integration.Integration, "_packing", None)
         return packed, found(False)

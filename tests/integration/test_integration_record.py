@@ -70,7 +70,7 @@ def test_a_short_record_holds_more_steps_where_the_runs_share_them(
 ):
     """Five of each run, or all of them with one number each, that of the run ahead."""
     monkeypatch.setattr(_record, "RECORD_BYTES", 0)
-    monkeypatch.setattr(_record, "SHORT", 15)
+    monkeypatch.setattr(_record, "RECORDED_STEPS", 15)
     monkeypatch.setattr(_record, "FEWEST_ROWS", 1)
     like = BodyState(jnp.zeros((3, 3)), jnp.zeros((3, 3)))
     layout = RecordLayout.of(like, jnp.zeros(3), 100, short=True)

@@ -27,7 +27,7 @@ NOT_IN_FILES = {
     "mechanics.Lagrangian": FUNCTION,
     "mechanics.Hamiltonian": FUNCTION,
     "scene.Scaled": WRAPS,
-    "control.Held": WRAPS,
+    "control.ZeroOrderHold": WRAPS,
     "integration.PackedSystem": WRAPS,
     "studies.Uncertain": WRAPS,
     "studies.UncertainRoot": WRAPS,

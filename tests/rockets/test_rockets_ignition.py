@@ -88,7 +88,7 @@ def test_the_gradient_of_a_run():
     np.testing.assert_allclose(slopes, (by_speed[0], by_delay[0]), rtol=1e-6)
 
 
-def test_the_small_program_of_an_optimisation():
+def test_the_rolled_stages_of_an_optimisation():
     """With its gradient, in reverse mode."""
 
     def height(speed, delay):

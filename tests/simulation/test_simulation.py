@@ -256,7 +256,7 @@ def test_derivatives_of_a_run():
         np.testing.assert_allclose(c, b, rtol=0.0, atol=1e-11)
 
 
-# `test_solvers_small_program.py` goes backwards along a record as short.
+# `test_solvers_rolled_stages.py` goes backwards along a record as short.
 @pytest.mark.sweep
 def test_derivatives_of_a_run_of_many_steps(monkeypatch):
     """The memory for states holds four of them, so that some hundred steps are taken again from

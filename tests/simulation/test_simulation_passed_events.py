@@ -72,14 +72,14 @@ def assert_flown(result):
     assert_allclose(result.final.position[2], 0.0, atol=1e-6)
 
 
-@pytest.mark.parametrize("rolled", [False, True])
-def test_a_batch_ends_a_phase_at_once_where_its_height_is_passed(rolled):
+@pytest.mark.parametrize("shared_program", [False, True])
+def test_a_batch_ends_a_phase_at_once_where_its_height_is_passed(shared_program):
     """Where each phase has a program, and where those of one structure share it."""
 
     @eqx.filter_jit
     def run(given, y0):
         configs = resolve_phases(given, y0, STEPS, 1)
-        return run_mission(given, y0, 0.0, 2, configs, 1, rolled=rolled)
+        return run_mission(given, y0, 0.0, 2, configs, 1, shared_program=shared_program)
 
     assert_flown(run(mission(), thrown(SPEEDS)))
 

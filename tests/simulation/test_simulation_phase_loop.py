@@ -51,9 +51,9 @@ def falling(gravity, levels, wait, within=20.0):
     return Mission([Phase(slow, first, name="a"), Phase(slow, wait), Phase(fast, last, name="b")])
 
 
-def traced(mission, y0, rolled=True):
+def traced(mission, y0, shared_program=True):
     configs = resolve_phases(mission, y0, ACCURACY, 1)
-    return run_mission(mission, y0, 0.0, 2, configs, 1, rolled=rolled)
+    return run_mission(mission, y0, 0.0, 2, configs, 1, shared_program=shared_program)
 
 
 run = eqx.filter_jit(traced, **QUICK)
@@ -108,12 +108,12 @@ def test_a_loop_holds_a_phase_once():
     mission = falling((jnp.array(2.0), jnp.array(8.0)), (jnp.array(51.0), jnp.array(0.0)), 1.5)
     y0 = {"z": 100.0 * jnp.ones(2), "v": jnp.zeros(2)}
 
-    def operations(mission, rolled):
+    def operations(mission, shared_program):
         arrays, rest = eqx.partition((mission, y0), eqx.is_array)
 
         def plain(arrays):
             made, y = eqx.combine(arrays, rest)
-            return traced(made, y, rolled).final
+            return traced(made, y, shared_program).final
 
         return count_operations(jax.make_jaxpr(plain)(arrays).jaxpr)
 

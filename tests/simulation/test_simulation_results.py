@@ -396,7 +396,7 @@ def test_every_mode_of_differentiation_by_default():
     np.testing.assert_allclose(outside @ v, exact_bend, atol=1e-7)
 
 
-# `test_integration_save_times.py` and `test_solvers_small_program.py` differentiate saved states,
+# `test_integration_save_times.py` and `test_solvers_rolled_stages.py` differentiate saved states,
 # too.
 @pytest.mark.sweep
 def test_derivatives_through_saved_states():

@@ -24,7 +24,7 @@ from jaxspace.orbits import Oblateness, PointGravity
 from jaxspace.scene import Custom
 from jaxspace.simulation import Event, Mission, Phase
 from jaxspace.solvers import DOP853, RKN1210, AdaptiveRegularised
-from jaxspace.solvers.regularised_step import attempt, form_in
+from jaxspace.solvers.regularised_step import form_in, trial_step
 
 OWN = AdaptiveRegularised()
 # Below every periapsis here; what counts is J2 R^2.
@@ -162,14 +162,14 @@ def test_the_error_of_a_step_into_an_atmosphere_is_estimated():
 
     def stepped(z, h, steps):
         def step(_, z):
-            return attempt(form, 0.0, 100.0, z, h / steps).z
+            return trial_step(form, 0.0, 100.0, z, h / steps).z
 
         return jax.lax.fori_loop(0, steps, step, z)
 
     @jax.jit
     def ratio(z):
         z = stepped(jnp.broadcast_to(z[:, None], (*z.shape, anomaly.size)), anomaly, 400)
-        one, fine = attempt(form, 0.0, 100.0, z, length), stepped(z, length, 64)
+        one, fine = trial_step(form, 0.0, 100.0, z, length), stepped(z, length, 64)
         true = form.size(one.z - fine, z, one.z)
         # Where the density vanishes, both are rounding.
         return jnp.where(true > 1e-10, form.size(one.error, z, one.z) / true, jnp.inf)
@@ -246,8 +246,8 @@ def test_a_loop_of_stages_is_the_same_step(scene):
     form = form_in(whole, z)
     assert isinstance(form, AbstractSecondOrderForm) is (scene is OBLATE)
     h = jnp.array([0.3, -0.2, 0.1])
-    step = eqx.filter_jit(attempt)
-    one, other = (step(form, 0.0, 10.0, z, h, in_loop) for in_loop in (False, True))
+    step = eqx.filter_jit(trial_step)
+    one, other = (step(form, 0.0, 10.0, z, h, rolled) for rolled in (False, True))
     # Sums of up to 17 terms in another order.
     np.testing.assert_allclose(one.z, other.z, rtol=0.0, atol=1e-14)
     np.testing.assert_allclose(one.rate, other.rate, rtol=1e-14)

@@ -59,9 +59,9 @@ def both(method):
 
 
 @pytest.mark.parametrize("dense", [True, False])
-@pytest.mark.parametrize("in_loop", [True, False])
-def test_the_step_is_that_of_the_plain_form(dense, in_loop):
-    plain, summed = both(DOP853(dense=dense, in_loop=in_loop))
+@pytest.mark.parametrize("rolled", [True, False])
+def test_the_step_is_that_of_the_plain_form(dense, rolled):
+    plain, summed = both(DOP853(dense=dense, rolled=rolled))
     y = starts()
     expected, found = plain(y), summed(y)
     # The error is one of a long step: a difference of sums that is far above their roundings.
@@ -70,9 +70,9 @@ def test_the_step_is_that_of_the_plain_form(dense, in_loop):
         np.testing.assert_allclose(z, x, rtol=0.0, atol=ROUNDINGS)
 
 
-@pytest.mark.parametrize("in_loop", [True, False])
-def test_derivatives_are_those_of_the_plain_form(in_loop):
-    plain, summed = both(DOP853(in_loop=in_loop))
+@pytest.mark.parametrize("rolled", [True, False])
+def test_derivatives_are_those_of_the_plain_form(rolled):
+    plain, summed = both(DOP853(rolled=rolled))
     y = starts()
     along = jax.tree.map(lambda x: jnp.cos(3.0 * x), y)
     forward = [jax.jvp(f, (y,), (along,))[1] for f in (plain, summed)]

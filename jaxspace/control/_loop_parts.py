@@ -12,7 +12,7 @@ from ._sensors import AbstractSensor
 from .commands import Actuate
 
 
-class Setting(eqx.Module):
+class LoopParts(eqx.Module):
     """The parts of a loop for one program, arrays and static ones.
 
     - `elapsed`: the time between the readings of each sensor, s.

@@ -1,7 +1,7 @@
 """The first event of each run, located by the steps of the run itself.
 
 Each accepted step is searched by its dense output (`_step_zero`). A run whose event is in the step
-repeats it in the following passes with a shorter length, until Newton's method has brought the
+repeats it in the following iterations with a shorter length, until Newton's method has brought the
 condition at its end to zero, and waits there. A state at an event is therefore the end of a step,
 and the program contains the vector field once.
 
@@ -26,7 +26,7 @@ from ..core.barrier import barrier
 from ..core.safe import safe_divide
 from ..core.status import Status
 from ..solvers.tolerances import Tolerance
-from ._step_zero import PARTS, Ends, FlowCondition, Part, StepCondition
+from ._step_zero import PARTS, Bracket, BracketEnds, FlowCondition, StepCondition
 from .event_zero import rounding_change
 from .events import Event
 from .layout import runs_of
@@ -38,7 +38,7 @@ REPETITIONS = 12
 
 
 @final
-class SoughtEvents(eqx.Module):
+class TerminalEvents(eqx.Module):
     """The events that end the runs.
 
     - `events`: all of them end a run.
@@ -57,14 +57,14 @@ class SoughtEvents(eqx.Module):
         y0: State,
         run_axes: int,
         start_known: Float[Array, "events *#runs"] | None = None,
-    ) -> "SoughtEvents":
+    ) -> "TerminalEvents":
         """The events of runs from the state `y0` at `t0`, s; `start_known` as in `first_event`."""
         t = jnp.broadcast_to(t0, runs_of(y0, run_axes))
         rounding = jnp.stack([rounding_change(each, system, t, y0, run_axes) for each in events])
         return cls(events, rounding if start_known is None else rounding + start_known)
 
 
-class Location(NamedTuple):
+class EventState(NamedTuple):
     """State of the search for the first event of each run.
 
     - `waiting`: whether the run waits at the step that contains its event; `which`: the number of
@@ -92,7 +92,7 @@ class Location(NamedTuple):
     again: Bool[Array, "*runs"]
     repetitions: Int[Array, "*runs"]
 
-    def ended(self, y: State) -> State:
+    def stopped(self, y: State) -> State:
         """The state at the event of each run; `y` of those without one."""
         return jax.tree.map(lambda a, b: jnp.where(self.waiting, a, b), self.y, y)
 
@@ -119,12 +119,12 @@ class Location(NamedTuple):
 
     @classmethod
     def none_yet(
-        cls, sought: SoughtEvents, s: Array, y0: State, tolerance: Tolerance
-    ) -> "Location":
+        cls, terminal: TerminalEvents, s: Array, y0: State, tolerance: Tolerance
+    ) -> "EventState":
         """The search before the first step, at the normalised time `s`."""
         no = jnp.zeros_like(tolerance.alive(y0))
         zero = jnp.zeros(no.shape, s.dtype)
-        count = len(sought.events)
+        count = len(terminal.events)
         sizes = jnp.zeros((count, *no.shape), jax.tree.leaves(y0)[0].dtype)
         return cls(
             waiting=no,
@@ -196,8 +196,8 @@ class SearchedStep(NamedTuple):
     width: Float[Array, "*runs"]
 
 
-class _SearchState(NamedTuple):
-    """The first event of each run in the parts of a step that were searched, as in `Location`.
+class _StepSearch(NamedTuple):
+    """The first event of each run in the parts of a step that were searched, as in `EventState`.
 
     - `part`: the number of the next part to search.
     - `ends`: of the event at which a run waits."""
@@ -208,29 +208,29 @@ class _SearchState(NamedTuple):
     which: Int[Array, "*runs"]
     status: Int[Array, "*runs"]
     sizes: Float[Array, "events *#runs"]
-    ends: Ends
+    ends: BracketEnds
 
 
 def located(
-    location: Location,
-    sought: SoughtEvents,
+    event_state: EventState,
+    terminal: TerminalEvents,
     step: SearchedStep,
     going: Bool[Array, "*runs"],
     moving: Bool[Array, "*runs"],
     first: Bool[Array, "*runs"],
     span: tuple[Scalar, Scalar],
-) -> Location:
+) -> EventState:
     """The location after a step: of a run that is `going` on, after a search if it is `moving`;
     otherwise after the step that holds its event was repeated with its `length`.
 
     `first`: whether the run starts with this step; `span`: its start and its duration, s."""
-    search = _searched(location, sought, step, going, moving, first, span)
+    search = _searched(event_state, terminal, step, going, moving, first, span)
     here = search.here
-    change, tried, worse, more = _shorter(location, search.ends)
+    change, tried, worse, more = _shorter(event_state, search.ends)
     missed = jnp.abs(search.ends.value)
-    taken, tried, worse, more = (~going & x for x in (location.again, tried, worse, more))
+    taken, tried, worse, more = (~going & x for x in (event_state.again, tried, worse, more))
     change, taken, tried, worse, more = barrier((change, taken, tried, worse, more))
-    length = location.length
+    length = event_state.length
 
     def updated(new: Array, old: Array) -> Array:
         return jnp.where(here, new, old)
@@ -238,78 +238,78 @@ def located(
     def at_event(start: Array, end: Array, old: Array) -> Array:
         return updated(start, jnp.where(taken, end, old))
 
-    return Location(
-        waiting=location.waiting | here,
-        which=updated(search.which, location.which),
-        status=updated(search.status, location.status),
-        start=updated(step.start, location.start),
-        y0=jax.tree.map(updated, step.y0, location.y0),
+    return EventState(
+        waiting=event_state.waiting | here,
+        which=updated(search.which, event_state.which),
+        status=updated(search.status, event_state.status),
+        start=updated(step.start, event_state.start),
+        y0=jax.tree.map(updated, step.y0, event_state.y0),
         length=updated(search.s * step.length, jnp.where(more, length + change, length)),
-        whole=updated(step.length, location.whole),
-        y=jax.tree.map(at_event, step.y0, step.y1, location.y),
+        whole=updated(step.length, event_state.whole),
+        y=jax.tree.map(at_event, step.y0, step.y1, event_state.y),
         sizes=search.sizes,
         # The dense output is accurate to a hundredth of the step.
-        change=updated(0.02 * step.length, jnp.where(more, jnp.abs(change), location.change)),
-        placed=jnp.where(tried, length, location.placed),
-        missed=jnp.where(tried, missed, jnp.where(worse, jnp.inf, location.missed)),
-        again=jnp.where(going, updated(search.which >= 0, location.again), more),
-        repetitions=location.repetitions + location.again.astype(int),
+        change=updated(0.02 * step.length, jnp.where(more, jnp.abs(change), event_state.change)),
+        placed=jnp.where(tried, length, event_state.placed),
+        missed=jnp.where(tried, missed, jnp.where(worse, jnp.inf, event_state.missed)),
+        again=jnp.where(going, updated(search.which >= 0, event_state.again), more),
+        repetitions=event_state.repetitions + event_state.again.astype(int),
     )
 
 
 def _searched(
-    location: Location,
-    sought: SoughtEvents,
+    event_state: EventState,
+    terminal: TerminalEvents,
     step: SearchedStep,
     going: Bool[Array, "*runs"],
     moving: Bool[Array, "*runs"],
     first: Bool[Array, "*runs"],
     span: tuple[Scalar, Scalar],
-) -> _SearchState:
+) -> _StepSearch:
     """The first event of each run in the parts of its step; for a run that is not `going` on, the
     conditions at the ends of the step. Arguments as of `located`."""
     runs = moving.shape
-    samples = max(event.samples for event in sought.events)
+    samples = max(event.samples for event in terminal.events)
     count = jnp.maximum(jnp.ceil(step.width * (samples / PARTS)), 1.0).astype(int)
     # One sampling provides the conditions at both ends of a repeated step.
     count = jnp.where(going, count, 1)
-    searched = jnp.where(going, moving, location.again)
+    searched = jnp.where(going, moving, event_state.again)
 
-    def left(search: _SearchState) -> Array:
+    def left(search: _StepSearch) -> Array:
         return (search.part < count) & searched & ~search.here
 
-    def part(search: _SearchState) -> _SearchState:
+    def part(search: _StepSearch) -> _StepSearch:
         length = 1.0 / count.astype(step.start.dtype)
         begin = search.part.astype(length.dtype) * length
         end = jnp.where(search.part + 1 == count, 1.0, begin + length)
         at_start = first & (search.part == 0)
 
-        def of(event: Event, rounding: Array) -> Part:
-            return Part(step.condition_of(event), begin, end, at_start, rounding, *span)
+        def of(event: Event, rounding: Array) -> Bracket:
+            return Bracket(step.condition_of(event), begin, end, at_start, rounding, *span)
 
-        parts = list(map(of, sought.events, sought.rounding))
-        return _first_of(parts, search, location.which, left(search), going)
+        parts = list(map(of, terminal.events, terminal.rounding))
+        return _first_of(parts, search, event_state.which, left(search), going)
 
     none = jnp.zeros(runs, jax.tree.leaves(step.y1)[0].dtype)
-    nothing = _SearchState(
+    nothing = _StepSearch(
         jnp.asarray(0),
         jnp.zeros(runs, bool),
         jnp.ones(runs, step.start.dtype),
-        location.which,
-        location.status,
-        location.sizes,
-        Ends(none, none, none, none),
+        event_state.which,
+        event_state.status,
+        event_state.sizes,
+        BracketEnds(none, none, none, none),
     )
     return jax.lax.while_loop(lambda search: jnp.any(left(search)), part, nothing)
 
 
 def _first_of(
-    parts: list[Part],
-    search: _SearchState,
+    parts: list[Bracket],
+    search: _StepSearch,
     waited_for: Int[Array, "*runs"],
     here_now: Bool[Array, "*runs"],
     going: Bool[Array, "*runs"],
-) -> _SearchState:
+) -> _StepSearch:
     """The search after one more part of the step.
 
     **Arguments**
@@ -338,7 +338,7 @@ def _first_of(
     here = going & here_now & jnp.isfinite(earliest)
     # Selections that depend on them would recompute them.
     here, earliest, which, status = barrier((here, earliest, which, status))
-    return _SearchState(
+    return _StepSearch(
         search.part + 1,
         search.here | here,
         jnp.where(here, earliest, search.s),
@@ -349,12 +349,12 @@ def _first_of(
     )
 
 
-def _shorter(location: Location, ends: Ends) -> tuple[Scalar, Array, Array, Array]:
+def _shorter(event_state: EventState, ends: BracketEnds) -> tuple[Scalar, Array, Array, Array]:
     """The change of the length of the steps that hold the events, from the conditions at their
     `ends`; whether another place is tried; whether the one that was tried is worse; and whether the
     step is repeated with the changed length."""
     first, first_slope, value, slope = ends
-    length = location.length
+    length = event_state.length
     # dg/ds of a step that is `length` long in s.
     change = -safe_divide(value, slope).astype(length.dtype) * length
     # Newton's method converges from the zero of the dense output, unless the field jumps at the
@@ -362,18 +362,18 @@ def _shorter(location: Location, ends: Ends) -> tuple[Scalar, Array, Array, Arra
     # a step beyond it distort its dense output and its end. The slope at its start is correct: the
     # place to which it leads is taken if the condition is nearer to zero there. Where the condition
     # itself jumps it is not, and the result of the dense output is used.
-    lost = ~(jnp.abs(change) <= 0.5 * location.change)
+    lost = ~(jnp.abs(change) <= 0.5 * event_state.change)
     flat = (slope == 0.0) & (value * first < 0.0)
     place = -safe_divide(first, first_slope).astype(length.dtype) * length
-    untried = jnp.isnan(location.placed)
-    tried = untried & (flat | lost & (location.repetitions == 0))
-    tried = tried & (place > 0.0) & (place <= location.whole)
-    worse = ~untried & ~(jnp.abs(value) < location.missed)
+    untried = jnp.isnan(event_state.placed)
+    tried = untried & (flat | lost & (event_state.repetitions == 0))
+    tried = tried & (place > 0.0) & (place <= event_state.whole)
+    worse = ~untried & ~(jnp.abs(value) < event_state.missed)
     change = jnp.where(tried, place - length, change)
-    change = jnp.where(worse, location.placed - length, change)
-    change = jnp.clip(length + change, 0.0, location.whole) - length
+    change = jnp.where(worse, event_state.placed - length, change)
+    change = jnp.clip(length + change, 0.0, event_state.whole) - length
     least = 16.0 * jnp.finfo(length.dtype).eps
-    resolved = least * jnp.maximum(jnp.abs(location.start + length), location.whole)
-    more = location.again & (~lost | tried | worse) & (jnp.abs(change) > resolved)
-    more = more & ~jnp.isinf(location.missed) & (location.repetitions + 1 < REPETITIONS)
+    resolved = least * jnp.maximum(jnp.abs(event_state.start + length), event_state.whole)
+    more = event_state.again & (~lost | tried | worse) & (jnp.abs(change) > resolved)
+    more = more & ~jnp.isinf(event_state.missed) & (event_state.repetitions + 1 < REPETITIONS)
     return change, tried, worse, more

@@ -25,7 +25,7 @@ from ._loop_state import LoopState
 from .normalised_time import StepTimes, field_of_part
 
 
-class Beginning(NamedTuple):
+class StepStart(NamedTuple):
     """The start of a step of each run: at `s`, with the state `y0`; its `length` in normalised
     time, and whether the vector field `jumped` there."""
 
@@ -35,23 +35,23 @@ class Beginning(NamedTuple):
     jumped: Bool[Array, "*runs"]
 
     @classmethod
-    def of(cls, loop: LoopState) -> "Beginning":
+    def of(cls, loop: LoopState) -> "StepStart":
         """State of the next step. A run that waits at its event repeats the step that contains
         it."""
-        going, location = loop.going, loop.location
+        going, event_state = loop.going, loop.event_state
         # A step of no length, so that the state of a run that has ended stays as it is.
         length = jnp.where(going, loop.t_next - loop.t, 0.0)
-        if location is None:
+        if event_state is None:
             return cls(loop.t, length, loop.y, loop.jumped)
         return cls(
-            jnp.where(going, loop.t, location.start),
-            jnp.where(going, length, location.length),
-            jax.tree.map(lambda a, b: jnp.where(going, a, b), loop.y, location.y0),
+            jnp.where(going, loop.t, event_state.start),
+            jnp.where(going, length, event_state.length),
+            jax.tree.map(lambda a, b: jnp.where(going, a, b), loop.y, event_state.y0),
             loop.jumped | ~going,
         )
 
 
-class Attempt(NamedTuple):
+class TrialStep(NamedTuple):
     """A step of each run.
 
     - `begin`: where it begins; `y1`: the state at its end.
@@ -60,7 +60,7 @@ class Attempt(NamedTuple):
       hoisted.
     - `carried`: carry of the method into the next step."""
 
-    begin: Beginning
+    begin: StepStart
     y1: State
     error: Float[Array, "*runs"]
     polynomial: diffrax.AbstractLocalInterpolation
@@ -68,9 +68,9 @@ class Attempt(NamedTuple):
     segment: StepTimes | None
 
 
-def attempted(settings: LoopSettings, field: ScaledField, loop: LoopState) -> Attempt:
+def trial_step(settings: LoopSettings, field: ScaledField, loop: LoopState) -> TrialStep:
     """The next step of each run."""
-    begin = Beginning.of(loop)
+    begin = StepStart.of(loop)
     s, length, y0 = begin.s, begin.length, begin.y0
     zero, one = jnp.zeros_like(s, shape=()), jnp.ones_like(s, shape=())
     if settings.tolerance.run_axes == 0:
@@ -95,7 +95,7 @@ def attempted(settings: LoopSettings, field: ScaledField, loop: LoopState) -> At
     local = settings.tolerance.error(y0, y1, error)
     local = jax.lax.stop_gradient(jnp.where(failed, jnp.inf, local))
     polynomial = method.interpolation_cls(t0=zero, t1=one, **dense_info)
-    return Attempt(begin._replace(s=s, length=length), y1, local, polynomial, carried, segment)
+    return TrialStep(begin._replace(s=s, length=length), y1, local, polynomial, carried, segment)
 
 
 def _bound_to_save(
@@ -103,7 +103,7 @@ def _bound_to_save(
 ) -> diffrax.AbstractSolver:
     """The method, bound to the next state that each run saves, as a place in this step."""
     saved = loop.buffers.saved
-    if saved is None or settings.sought is not None:
+    if saved is None or settings.terminal is not None:
         return settings.method
     place = place_in_step(saved.next_ts, s, length)
     tolerance = settings.tolerance
@@ -119,7 +119,7 @@ def carries(settings: LoopSettings) -> bool:
 
 
 def carried_on(
-    settings: LoopSettings, loop: LoopState, step: Attempt, accept: Array, length: Array
+    settings: LoopSettings, loop: LoopState, step: TrialStep, accept: Array, length: Array
 ) -> PyTree:
     """The carry of the method for the next step, of this `length`."""
     if not carries(settings):

@@ -1,4 +1,4 @@
-"""Step control by derivatives, in a run that is differentiated.
+"""Sensitivity error control: step control by the derivatives of a run that is differentiated.
 
 Steps chosen from the motion only resolve the motion only. Where it is at rest, or nearly a
 polynomial, they become as long as the run, and a derivative along them is that of a few steps of
@@ -17,7 +17,7 @@ tangents, or by a motion that limits the step and moves every block of the state
 size or more. Between these steps the tangents rest. The run is repeated with the tangents in the
 control of every step where
 
-- the error of a tangent is more than `ALARM` times the allowed one, or `MOST_ERROR` of its size;
+- the error of a tangent is more than `TRIGGER` times the allowed one, or `MOST_ERROR` of its size;
 - a step was longer than those known to be resolved. An unknown error is not an error of zero.
 
 A step limited by the motion is not sufficient evidence: at an equilibrium that is inexact due to
@@ -34,11 +34,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..solvers.protocol import bind, forward_mode, linear_errors, small_program
+from ..solvers.protocol import bind, forward_mode, linear_errors, rolled_stages
 from ..solvers.tolerances import Tolerance
 from ..solvers.vector_field import ScaledField
 from ._loop_state import LoopState
-from ._tangents import Lengths, Probes, ProbeState, StepTaken, lengths
+from ._tangents import Directions, Lengths, StepTaken, TangentState, lengths
 
 SINCE, EVERY = 2, 24
 """The first of the steps that are monitored whatever their length, and the distance of those that
@@ -46,14 +46,14 @@ follow."""
 LONGER, POWER = 1.25, 8
 """Factor by which a monitored step is longer than all resolved ones; and the power of the
 length by which the errors in those up to this length are larger, which is that of DOP853."""
-FREE, LONG = 1e-3, 0.02
+GROWING_ERROR, GROWING_LENGTH = 1e-3, 0.02
 """A step whose motion has a smaller error, in units of the tolerance, is followed by a longer one,
 which is monitored in its place; unless it is longer than this fraction of a segment, at whose end
 the growth ends."""
 MOVED = 1e-2
 """Part of its size by which a block moves in a step that its motion resolves to a hundred
 tolerances."""
-USUAL, ALARM = 10.0, 30.0
+USUAL, TRIGGER = 10.0, 30.0
 """Errors of a tangent, in units of the allowed error: that of tangents whose steps the motion
 chooses well, and that at which the run is repeated. A tangent that a force drives grows with the
 square of the time, and rests in the steps that are not monitored: the allowed error grows
@@ -61,19 +61,19 @@ accordingly."""
 MOST_ERROR = 0.03
 """Error of a tangent relative to its size at which the run is repeated, at loose tolerances: after
 a step that is too long the tangent itself is wrong, and as large as its error."""
-SHORT = 1e-8
+NEGLIGIBLE_LENGTH = 1e-8
 """Fraction of a segment. A tangent that is not finite after so short a step never is, and one that
 jumps there is off by as little."""
 
 
 @final
-class TangentControl(eqx.Module):
-    """Step control by the tangents of `probes`.
+class SensitivityControl(eqx.Module):
+    """Step control by the tangents of `directions`.
 
-    - `method`: that of the run, as a small program, because most steps do without it.
+    - `method`: that of the run, with rolled stages, because most steps do without it.
     - `term`: the vector field in the form of the method."""
 
-    probes: Probes
+    directions: Directions
     tolerance: Tolerance
     method: diffrax.AbstractSolver
     term: diffrax.AbstractTerm
@@ -81,20 +81,20 @@ class TangentControl(eqx.Module):
     @classmethod
     def of(
         cls,
-        probes: Probes,
+        directions: Directions,
         tolerance: Tolerance,
         method: diffrax.AbstractSolver,
         term: diffrax.AbstractTerm,
-    ) -> "TangentControl":
+    ) -> "SensitivityControl":
         """The control of a run by this method."""
         # Nothing is saved within a step here.
         axes = tolerance.run_axes
-        method = bind(small_program(method), tolerance=tolerance, save_ts=None, run_axes=axes)
-        return cls(probes, tolerance, linear_errors(forward_mode(method)), term)
+        method = bind(rolled_stages(method), tolerance=tolerance, save_ts=None, run_axes=axes)
+        return cls(directions, tolerance, linear_errors(forward_mode(method)), term)
 
     def monitor(
-        self, field: ScaledField, step: StepTaken, going: Bool[Array, "*#runs"], state: ProbeState
-    ) -> tuple[ProbeState, Float[Array, "*runs"]]:
+        self, field: ScaledField, step: StepTaken, going: Bool[Array, "*#runs"], state: TangentState
+    ) -> tuple[TangentState, Float[Array, "*runs"]]:
         """The tangents after this step, if it is accepted, and the errors by which they control it:
         zero in the first run, and for a step that the motion rejects or is not `going` on."""
         # A run that has failed, or waits at its event, has no error.
@@ -103,11 +103,11 @@ class TangentControl(eqx.Module):
         duration = jnp.abs(field.duration(step.s, step.length)).astype(state.time.dtype)
         # Nothing happens in a segment of no duration, whose ends a derivative would part.
         good = going & alive & (duration != 0.0) & (step.motion <= 1.0)
-        free = step.motion < FREE
+        free = step.motion < GROWING_ERROR
         by_motion = ~free & self.tolerance.moved(step.y0, step.y1, MOVED)
         long = (duration > LONGER * state.resolved) & ~by_motion
-        some = ((step.number % EVERY == SINCE) | long) & ~(free & (step.length < LONG))
-        due = good & (state.always | some)
+        some = ((step.number % EVERY == SINCE) | long) & ~(free & (step.length < GROWING_LENGTH))
+        due = good & (state.controlled | some)
         none = jnp.zeros_like(duration)
         taken, seen = jnp.where(good, duration, none), jnp.where(due, duration, none)
         state = state._replace(
@@ -117,9 +117,12 @@ class TangentControl(eqx.Module):
             time=state.time + taken,
         )
 
-        # A loop of one pass or none: of a condition the compiler does not know which arrays are
-        # constant, and compiles twice what the effects compute from equal ones, such as the air.
-        def monitored(carry: tuple[Array, ProbeState, Array]) -> tuple[Array, ProbeState, Array]:
+        # A loop of one iteration or none: of a condition the compiler does not know which arrays
+        # are constant, and compiles twice what the effects compute from equal ones, such as the
+        # air.
+        def monitored(
+            carry: tuple[Array, TangentState, Array],
+        ) -> tuple[Array, TangentState, Array]:
             go, state, _ = carry
             return ~go, *self._monitored(field, step, due, state)
 
@@ -128,10 +131,12 @@ class TangentControl(eqx.Module):
         return state, control
 
     def _monitored(
-        self, field: ScaledField, step: StepTaken, due: Bool[Array, "*runs"], state: ProbeState
-    ) -> tuple[ProbeState, Array]:
+        self, field: ScaledField, step: StepTaken, due: Bool[Array, "*runs"], state: TangentState
+    ) -> tuple[TangentState, Array]:
         tolerance = self.tolerance
-        tangents, errors = self.probes.after(self.method, self.term, field, step, state.tangents)
+        tangents, errors = self.directions.after(
+            self.method, self.term, field, step, state.tangents
+        )
         counts = due & tolerance.alive(step.y1)
         sizes, errors = (
             jax.tree.map(lambda x: jnp.where(counts, x, 0.0), lengths(tolerance, d))
@@ -141,8 +146,8 @@ class TangentControl(eqx.Module):
         ratios = self._ratios(errors, sizes)
         # A tangent that was finite, and is not after a long step, may be after a short one.
         ratios = jnp.where(jnp.isfinite(ratios), ratios, jnp.inf)
-        ratios = jnp.where(step.length > SHORT, ratios, 0.0)
-        controlled = jax.vmap(tolerance.alive)(state.tangents) & counts & state.always
+        ratios = jnp.where(step.length > NEGLIGIBLE_LENGTH, ratios, 0.0)
+        controlled = jax.vmap(tolerance.alive)(state.tangents) & counts & state.controlled
         control = jnp.max(jnp.where(controlled, ratios, 0.0), axis=0)
         errors = jax.tree.map(jnp.maximum, state.errors, errors)
         # Selected here and not with the state of the loop, because most steps do without it.
@@ -155,7 +160,7 @@ class TangentControl(eqx.Module):
         state = state._replace(tangents=tangents, sizes=sizes, errors=errors)
         return state, control.astype(step.motion.dtype)
 
-    def _ratios(self, errors: Lengths, sizes: Lengths) -> Float[Array, "probes *#runs"]:
+    def _ratios(self, errors: Lengths, sizes: Lengths) -> Float[Array, "directions *#runs"]:
         """The errors in units of the allowed error, of the worst block."""
         return jax.vmap(self.tolerance.worst)(errors, sizes)
 
@@ -171,21 +176,21 @@ class TangentControl(eqx.Module):
         def attempt(carry: tuple[LoopState, Array]) -> tuple[LoopState, Array]:
             before, repeat = carry
             # Built again here, because a selection after the loop would be needed for every array.
-            tangents = begun._replace(always=repeat)
+            tangents = begun._replace(controlled=repeat)
             buffers = before.buffers.again(start.buffers)
             loop = run(start._replace(buffers=buffers, tangents=tangents))
-            return loop, ~repeat & self._alarm(loop)
+            return loop, ~repeat & self._triggered(loop)
 
         def unresolved(carry: tuple[LoopState, Array]) -> Array:
             loop, repeat = carry
             return jnp.any(repeat | (_tangents_of(loop).time < 0.0))
 
         # A negative time is that of a loop which has not run.
-        unseen = begun._replace(time=begun.time - 1.0)
-        first = start._replace(tangents=unseen), begun.always
+        not_run = begun._replace(time=begun.time - 1.0)
+        first = start._replace(tangents=not_run), begun.controlled
         return jax.lax.while_loop(unresolved, attempt, first)[0]
 
-    def _alarm(self, loop: LoopState) -> Bool[Array, "*runs"]:
+    def _triggered(self, loop: LoopState) -> Bool[Array, "*runs"]:
         """Whether the steps of each run in a first attempt do not resolve its tangents."""
         state = _tangents_of(loop)
         some = state.monitored > 0.0
@@ -197,14 +202,14 @@ class TangentControl(eqx.Module):
         ratios = self._ratios(state.errors, grown)
         resolved = (
             # The times may have double precision where the state has single.
-            jnp.all(ratios * (longer**POWER).astype(ratios.dtype) <= ALARM, axis=0)
+            jnp.all(ratios * (longer**POWER).astype(ratios.dtype) <= TRIGGER, axis=0)
             & jnp.all(self._ratios(state.errors, state.sizes) <= most, axis=0)
             & (state.longest <= LONGER * state.resolved)
         )
         return ~resolved
 
 
-def _tangents_of(loop: LoopState) -> ProbeState:
+def _tangents_of(loop: LoopState) -> TangentState:
     """The tangents of a loop that is controlled by them."""
     assert loop.tangents is not None
     return loop.tangents

@@ -13,14 +13,14 @@ from ..core import State
 from ..solvers.dense_output import AbstractDenseOutput
 from ..solvers.step_control import Following, of_segment
 from ..solvers.vector_field import ScaledField
-from ._attempt import Attempt, attempted, carried_on, error_order
 from ._buffers import Buffers
-from ._event_location import Location, SearchedStep, located
+from ._event_state import EventState, SearchedStep, located
 from ._loop_settings import LoopSettings
 from ._loop_state import LoopState
+from ._sensitivity_control import SensitivityControl
 from ._step_zero import StepCondition
-from ._tangent_control import TangentControl
-from ._tangents import ProbeState, StepTaken
+from ._tangents import StepTaken, TangentState
+from ._trial_step import TrialStep, carried_on, error_order, trial_step
 from .events import Event
 from .normalised_time import ScaledVectorField, Segments
 
@@ -29,11 +29,11 @@ LIMITING = 0.5
 
 
 def advance(
-    settings: LoopSettings, field: ScaledField, control: TangentControl | None, loop: LoopState
+    settings: LoopSettings, field: ScaledField, control: SensitivityControl | None, loop: LoopState
 ) -> LoopState:
-    """The loop after one more pass; `control` by tangents, if any."""
+    """The loop after one more iteration; `control` by tangents, if any."""
     going = loop.going
-    step = attempted(settings, field, loop)
+    step = trial_step(settings, field, loop)
     tangents, error = _with_tangents(field, control, loop, step)
     following = _following(settings, loop, _shared_error(settings, error, going))
     accept = following.accept & going
@@ -54,18 +54,18 @@ def advance(
         accepted=jnp.where(accept, loop.accepted + 1, loop.accepted),
         rejected=jnp.where(going & ~accept, loop.rejected + 1, loop.rejected),
         count=loop.count + jnp.any(accept).astype(int),
-        buffers=_filled(settings, loop, step, accept, t, y, stop.location),
-        location=stop.location,
+        buffers=_filled(settings, loop, step, accept, t, y, stop.event_state),
+        event_state=stop.event_state,
         tangents=tangents,
         limiting=_limiting(settings, loop, error, accept),
-        outside=_outside(field, loop, t, step.y1, accept, stop.location),
+        outside=_outside(field, loop, t, step.y1, accept, stop.event_state),
     )
     return after.going_on(settings)
 
 
 def _with_tangents(
-    field: ScaledField, control: TangentControl | None, loop: LoopState, step: Attempt
-) -> tuple[ProbeState | None, Float[Array, "*runs"]]:
+    field: ScaledField, control: SensitivityControl | None, loop: LoopState, step: TrialStep
+) -> tuple[TangentState | None, Float[Array, "*runs"]]:
     """The tangents after this step, and its error or theirs, the larger one."""
     if control is None:
         return loop.tangents, step.error
@@ -83,7 +83,7 @@ def _outside(
     t: Array,
     y1: State,
     accept: Bool[Array, "*runs"],
-    location: Location | None,
+    event_state: EventState | None,
 ) -> Bool[Array, "*runs"] | None:
     """Whether a step of each run has ended outside the range of its system, at `t` with the state
     `y1`; beyond an event none does."""
@@ -92,7 +92,7 @@ def _outside(
     assert isinstance(field, ScaledVectorField)
     flag = field.outside(t, jax.tree.map(jax.lax.stop_gradient, y1))
     assert flag is not None
-    counts = accept if location is None else accept & ~location.waiting
+    counts = accept if event_state is None else accept & ~event_state.waiting
     return loop.outside | (counts & flag)
 
 
@@ -124,15 +124,15 @@ def _following(settings: LoopSettings, loop: LoopState, error: Array) -> Followi
     return settings.controller().following(loop.t, loop.t_next, error, order, loop.control)
 
 
-class Stop(NamedTuple):
+class StepToEvent(NamedTuple):
     """A step of each run that may hold its event.
 
-    - `location`: of the events; `y1`: the state at the end of the step, NaN beyond an event,
+    - `event_state`: of the events; `y1`: the state at the end of the step, NaN beyond an event,
       because the field may jump there.
     - `counts`: whether the error of the step counts: of a run that waits that of the step alone
       that ends at its event."""
 
-    location: Location | None
+    event_state: EventState | None
     y1: State
     counts: Bool[Array, "*runs"]
 
@@ -141,30 +141,30 @@ def _at_events(
     settings: LoopSettings,
     field: ScaledField,
     loop: LoopState,
-    step: Attempt,
+    step: TrialStep,
     accept: Bool[Array, "*runs"],
-) -> Stop:
+) -> StepToEvent:
     """The step, up to the events that it holds."""
-    if loop.location is None:
-        return Stop(None, step.y1, accept)
-    location = _located(settings, field, loop, step, accept)
-    y1 = jax.tree.map(lambda x: jnp.where(location.waiting, jnp.nan, x), step.y1)
-    ended = loop.location.again & ~location.again
-    return Stop(location, y1, jnp.where(loop.going, accept & ~location.waiting, ended))
+    if loop.event_state is None:
+        return StepToEvent(None, step.y1, accept)
+    event_state = _located(settings, field, loop, step, accept)
+    y1 = jax.tree.map(lambda x: jnp.where(event_state.waiting, jnp.nan, x), step.y1)
+    ended = loop.event_state.again & ~event_state.again
+    return StepToEvent(event_state, y1, jnp.where(loop.going, accept & ~event_state.waiting, ended))
 
 
 def _located(
     settings: LoopSettings,
     field: ScaledField,
     loop: LoopState,
-    step: Attempt,
+    step: TrialStep,
     accept: Bool[Array, "*runs"],
-) -> Location:
+) -> EventState:
     """The location after a step of each run.
 
     An accepted step is searched; the steps that hold the events become shorter."""
-    sought, location, segment = settings.sought, loop.location, step.segment
-    assert sought is not None and location is not None and segment is not None
+    terminal, event_state, segment = settings.terminal, loop.event_state, step.segment
+    assert terminal is not None and event_state is not None and segment is not None
     assert isinstance(field, ScaledVectorField) and isinstance(field.segments, Segments)
     polynomial, begin = step.polynomial, step.begin
     assert isinstance(polynomial, AbstractDenseOutput)
@@ -179,17 +179,17 @@ def _located(
     searched = SearchedStep(condition_of, begin.s, begin.length, begin.y0, step.y1, width)
     first = loop.t == settings.start
     span = field.segments.t0, field.segments.total
-    return located(location, sought, searched, loop.going, moving, first, span)
+    return located(event_state, terminal, searched, loop.going, moving, first, span)
 
 
 def _filled(
     settings: LoopSettings,
     loop: LoopState,
-    step: Attempt,
+    step: TrialStep,
     accept: Bool[Array, "*runs"],
     t: Array,
     y: State,
-    location: Location | None,
+    event_state: EventState | None,
 ) -> Buffers:
     """The buffers after this step, at the times `t` with the states `y`, and the saved states
     within."""
@@ -203,8 +203,8 @@ def _filled(
             step.polynomial, settings.save_ts, begin.s, begin.length, reached
         )
         buffers = buffers._replace(saved=saved)
-    if buffers.recording is not None and location is not None:
+    if buffers.recording is not None and event_state is not None:
         # A waiting run stays at the start of the step that contains its event: a derivative has
         # steps of zero length there.
-        y = location.ended(y)
+        y = event_state.stopped(y)
     return buffers.add(loop.accepted, loop.count, t, y, t, accept, settings.layout(y, t))

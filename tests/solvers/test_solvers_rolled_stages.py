@@ -16,12 +16,12 @@ from jaxspace.bodies import BodyState
 from jaxspace.core import AbstractSystem
 from jaxspace.core.vectors import dot
 from jaxspace.integration import _record
-from jaxspace.integration.programs import FEW, POWER, SMALL_FROM, Runs, is_small
+from jaxspace.integration.programs import FEW, POWER, ROLLED_FROM, Runs, rolls_stages
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, Mission, Phase, simulate, simulate_batch
 from jaxspace.simulation.phases import resolve_phases
 from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, MuntheKaas, Stormer, Tsit5
-from jaxspace.solvers.protocol import small_program
+from jaxspace.solvers.protocol import rolled_stages
 
 ROOT = Path(__file__).parents[2]
 
@@ -95,7 +95,7 @@ def far(a, b):
 @pytest.mark.parametrize("dtype", [jnp.float64, pytest.param(jnp.float32, marks=pytest.mark.sweep)])
 def test_the_loop_takes_the_same_step_with_the_same_derivatives(method, turning, dtype):
     y = start(turning, dtype)
-    looped = small_program(method)
+    looped = rolled_stages(method)
     assert type(looped) is type(method)
     assert looped != method
     tangent = jax.tree.map(lambda x: jnp.cos(1.0 + jnp.arange(x.size, dtype=x.dtype)), y)
@@ -140,7 +140,7 @@ def test_the_program_holds_the_field_once(method, stages):
         return evaluations(jax.jit(end).lower(start()).as_text())
 
     assert fields(method) == stages
-    assert fields(small_program(method)) == 1
+    assert fields(rolled_stages(method)) == 1
 
 
 def test_the_dense_output_of_rkn1210_passes_the_stages_of_the_step():
@@ -155,7 +155,7 @@ def test_the_dense_output_of_rkn1210_passes_the_stages_of_the_step():
         return evaluations(jax.jit(step).lower(start()).as_text())
 
     assert fields(RKN1210()) == 17 + 1
-    assert fields(small_program(RKN1210())) == 1 + 1
+    assert fields(rolled_stages(RKN1210())) == 1 + 1
 
 
 def evaluations(program):
@@ -165,8 +165,8 @@ def evaluations(program):
 
 def test_methods_without_such_a_form_are_their_own():
     for method in (ExponentialRosenbrock(), Stormer(steps=30), diffrax.Dopri8()):
-        assert small_program(method) == method
-    assert small_program(diffrax.HalfSolver(DOP853())).solver == DOP853(in_loop=True)
+        assert rolled_stages(method) == method
+    assert rolled_stages(diffrax.HalfSolver(DOP853())).solver == DOP853(rolled=True)
 
 
 @pytest.mark.parametrize("method", [DOP853(), RKN1210()], ids=["DOP853", "RKN1210"])
@@ -204,7 +204,7 @@ def end(y, additions, accuracy, ts=(0.0, 1.5)):
         pytest.param(runs(2), 900, True, id="many of a very large field"),
     ],
 )
-def test_runs_of_a_large_field_are_a_small_program(y, additions, looped):
+def test_runs_of_a_large_field_have_rolled_stages(y, additions, looped):
     """One run sooner than many, which are there to be fast."""
     accuracy = Accuracy(1e-6, method=DOP853(dense=False))
     program = jax.jit(lambda y: end(y, additions, accuracy)).lower(y).as_text()
@@ -220,7 +220,7 @@ def test_the_phases_of_a_mission_decide_together(y, phases, looped):
     """By the operations of all fields of many runs; one run is decided phase by phase, later."""
     mission = Mission([Phase(Swing(additions=400), 1.0, name=str(k)) for k in range(phases)])
     configs = resolve_phases(mission, y, Accuracy(1e-6, method=Tsit5()), y.position.ndim - 1)
-    assert [config.method.in_loop for config in configs] == [looped] * phases
+    assert [config.method.rolled for config in configs] == [looped] * phases
 
 
 @pytest.mark.parametrize(
@@ -228,8 +228,8 @@ def test_the_phases_of_a_mission_decide_together(y, phases, looped):
     [(249, 1, False), (515, 29_000, True), (515, 30_000, False), (600, 10**9, True)],
 )
 def test_a_campaign_of_few_runs_of_a_large_field_is_small(operations, runs, small):
-    assert is_small(Runs.CAMPAIGN, operations, runs) is small
-    assert is_small(Runs.CAMPAIGN, operations) is (operations >= 600)
+    assert rolls_stages(Runs.CAMPAIGN, operations, runs) is small
+    assert rolls_stages(Runs.CAMPAIGN, operations) is (operations >= 600)
 
 
 def test_the_manual_has_the_rule():
@@ -239,7 +239,7 @@ def test_the_manual_has_the_rule():
         r"^\| ([^|]+) \| (any size|(\d+) operations or more) \| ([^|]+) \|$", text, re.M
     )
     found = {name: (int(number or 0), evidence) for name, _, number, evidence in rows}
-    assert found == {str(runs): tuple(limit) for runs, limit in SMALL_FROM.items()}
+    assert found == {str(runs): tuple(limit) for runs, limit in ROLLED_FROM.items()}
     assert f"${FEW} n^{{{POWER}}}$" in text
 
 
@@ -289,7 +289,7 @@ def test_reverse_mode_along_several_states_of_a_record(
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-10 * float(jnp.max(jnp.abs(b))))
 
 
-def test_a_derivative_is_a_small_program_throughout_from_fewer_operations_on():
+def test_a_derivative_has_rolled_stages_throughout_from_fewer_operations_on():
     accuracy = Accuracy(1e-6, method=DOP853(dense=False))
 
     def count(transform, additions):
