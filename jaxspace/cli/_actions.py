@@ -144,6 +144,13 @@ def show_schema(given: argparse.Namespace) -> int:
     return _commands.show_schema(given.modules)
 
 
+def programs(given: argparse.Namespace) -> int:
+    """List or remove the stored programs."""
+    from . import _programs
+
+    return _programs.programs(removes=given.clear)
+
+
 def verify(given: argparse.Namespace) -> int:
     """Run the singularity and edge-case checks and print the results."""
     from . import _commands

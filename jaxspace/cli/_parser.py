@@ -30,6 +30,7 @@ COMMANDS: tuple[tuple[str, Callable[[argparse.Namespace], int], str], ...] = (
     ("optimize", actions.optimize, "optimise the design variables of a scene file"),
     ("list", actions.show_list, "list the effects, bodies and outputs available in scene files"),
     ("schema", actions.show_schema, "print the JSON schema of scene files (for editors)"),
+    ("programs", actions.programs, "list or remove the compiled programs that are stored"),
     ("verify", actions.verify, "run the singularity and edge-case checks on this machine"),
 )
 WITH_MODULES = (
@@ -67,8 +68,13 @@ def parser() -> argparse.ArgumentParser:
     _budget_options(commands["budget"])
     _optimize_options(commands["optimize"])
     _list_options(commands["list"])
+    _programs_options(commands["programs"])
     _verify_options(commands["verify"])
     return top
+
+
+def _programs_options(programs: argparse.ArgumentParser) -> None:
+    programs.add_argument("--clear", action="store_true", help="remove all of them")
 
 
 def _new_options(new: argparse.ArgumentParser) -> None:

@@ -66,7 +66,7 @@ WRONG = {
 NEEDED = {"replay": ["--run", "0"]}
 # Commands without a file; `new`, whose file is one that it writes; and `diff`, which has two
 # (`test_cli_diff.py`).
-WITHOUT = {"examples", "new", "list", "schema", "verify", "diff"}
+WITHOUT = {"examples", "new", "list", "schema", "programs", "verify", "diff"}
 
 
 def commands():
