@@ -35,7 +35,7 @@ LAPSE = -6.5e-3
 SEA = 101325.0
 THERE = SEA * (COLDEST / 288.15) ** (GRAVITY * MOLAR_MASS / (GAS_CONSTANT * -LAPSE))
 # Below it the series of f is used, because the derivative of its quotient loses 1/x of a rounding.
-SMALL = 0.3
+SERIES_RANGE = 0.3
 # (0.3 / 1.7)^24 / 25 is below rounding, also for the first derivatives.
 TERMS = 12
 
@@ -95,7 +95,7 @@ class PadAtmosphere(AbstractAtmosphere):
 
 def _mean_inverse(x: Scalar) -> Scalar:
     """ln(1 + x)/x."""
-    small = jnp.abs(x) < SMALL
+    small = jnp.abs(x) < SERIES_RANGE
     # Each branch gets a harmless argument where the other is selected.
     s, large = jnp.where(small, x, 0.0), jnp.where(small, 1.0, x)
     # ln(1 + s) = 2 artanh(z)

@@ -27,7 +27,7 @@ Unit: TypeAlias = str | type[enum.IntEnum]
 # The attribute of a class with the units of its fields.
 UNITS = "_printed_units"
 # Columns of one line, and of one within a table.
-WIDTH, SHORT = 100, 64
+WIDTH, SHORT_LINE = 100, 64
 # Numbers of an array that are printed in full, rows of a table.
 MOST_NUMBERS, MOST_ROWS = 6, 36
 
@@ -117,7 +117,7 @@ def _inner_rows(x: object, name: str) -> Iterator[Row]:
         return
     # Parameters are identified by their class.
     line = printed_form(x)
-    if len(line) <= SHORT and "\n" not in line:
+    if len(line) <= SHORT_LINE and "\n" not in line:
         yield Row(name, "", line)
     else:
         yield Row(name, "", type(x).__name__)

@@ -30,7 +30,7 @@ SHARE = 0.05
 RUNGS = tuple(float(f"{digit}e-{k}") for k in range(4, 12) for digit in (3, 1))[1:]
 # How much tighter than the default those runs are with which others are compared: the first of them
 # that can be run; and how much looser those others are at least.
-REFERENCES, APART = (1e-3, 1e-2, 1e-1, 1.0), 10.0
+REFERENCES, TOLERANCE_RATIO = (1e-3, 1e-2, 1e-1, 1.0), 10.0
 # As of the runs with a given tolerance, which shows their errors to a tenth; and the least that
 # shows any.
 FINER, RESOLVED_BY = 0.1, 0.2
@@ -77,7 +77,7 @@ def tolerance_by_purpose(simulated: Simulated, runs: int) -> TunedTolerance:
         return known[rtol]
 
     least, reference = _reference(at, default, 2.0 * least_tolerance(dtype))
-    rungs = [r for r in RUNGS if r >= 0.99 * APART * least or r == default > least]
+    rungs = [r for r in RUNGS if r >= 0.99 * TOLERANCE_RATIO * least or r == default > least]
     allowed = {n: SHARE * s / math.sqrt(runs) for n, s in deviations(reference).items()}
 
     def excess(rtol: float) -> float:

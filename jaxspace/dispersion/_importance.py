@@ -43,7 +43,7 @@ Likelihood = Callable[[np.ndarray], np.ndarray]
 
 # Runs in a level of a short and of a long simulation, and violations of the wide search, as shares
 # of all runs; and the least.
-SHORT, LONG, LEAST = 1 / 70, 1 / 30, 100
+SHORT_LEVEL, LONG_LEVEL, LEAST = 1 / 70, 1 / 30, 100
 WIDELY, LEAST_WIDELY = 1 / 100, 50
 # Evaluations with derivatives for each of the searches for design points, as a share of all runs.
 WITH_DERIVATIVES = 1 / 15
@@ -151,7 +151,11 @@ def _search(
     found = Violations(np.zeros((0, n)), np.zeros(0, bool), np.zeros(0))
     of_groups = points, points
     # Without a point a short simulation explains nothing.
-    parts = ((SHORT, runs // 6), (LONG, runs // 3)) if len(points) else ((LONG, runs // 3),)
+    parts = (
+        ((SHORT_LEVEL, runs // 6), (LONG_LEVEL, runs // 3))
+        if len(points)
+        else ((LONG_LEVEL, runs // 3),)
+    )
     for part, share in parts:
         groups, spent = explore(margin, max(LEAST, int(part * runs)), n, share, rng)
         made += spent

@@ -26,7 +26,7 @@ DEFENSIVE, ALONG_DERIVATIVES = 0.05, 0.5
 # at least.
 WIDE, EVEN = 0.2, 0.2
 # Share of the draws about violations whose distribution is not known.
-APART = 0.25
+KERNEL_SHARE = 0.25
 # Violations of each group about which draws are made.
 KERNELS = 100
 # Rounds of the iteration for the shares.
@@ -97,7 +97,7 @@ def mixture(
     if apart is None or len(apart) == 0:
         return density
     # Where nothing else was found, they are all that is known.
-    part = APART if len(points) + len(z) else 1.0 - DEFENSIVE
+    part = KERNEL_SHARE if len(points) + len(z) else 1.0 - DEFENSIVE
     even = np.full(len(apart), part / len(apart))
     shares = np.append((1.0 - part) * density.shares, even)
     centres = np.concatenate([density.centres, apart])

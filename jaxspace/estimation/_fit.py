@@ -41,7 +41,7 @@ from ._residuals import residual_tests
 COLUMN = 30.0
 """Length of the scaled columns. The damping starts at a thousandth of their squares."""
 
-SMALL = 1e-4
+LEAST_STEP = 1e-4
 """The step size that ends the search, in units of a thirtieth of the standard deviation of an
 individual parameter; and the remaining residuals."""
 
@@ -280,9 +280,9 @@ def _twice(held: tuple[Array, PyTree]) -> tuple[Array, tuple[Array, PyTree]]:
 def _solver(method: str, tolerance: Scalar) -> optimistix.AbstractLeastSquaresSolver:
     if method == "gauss_newton":
         # By singular values: a direction without influence is not moved along.
-        return optimistix.GaussNewton(tolerance, SMALL, linear_solver=lineax.SVD())
+        return optimistix.GaussNewton(tolerance, LEAST_STEP, linear_solver=lineax.SVD())
     # The trust region of optimistix reduces its damping only where a step achieves 99 % of the
     # linear prediction, and takes five times as many steps to an orbit.
     search = optimistix.ClassicalTrustRegion(0.75, 0.25, 10.0, 0.2)
-    solver = optimistix.LevenbergMarquardt(tolerance, SMALL)
+    solver = optimistix.LevenbergMarquardt(tolerance, LEAST_STEP)
     return eqx.tree_at(lambda s: s.search, solver, search)

@@ -147,8 +147,8 @@ def select_method(
     if starts is None:
         starts = _known_start(system, y0, ts)
     # Two rules use the runs.
-    looked_at = None if starts is None else functools.cache(starts)
-    context = SelectionContext(system, y0, rtol, looked_at)
+    known_starts = None if starts is None else functools.cache(starts)
+    context = SelectionContext(system, y0, rtol, known_starts)
     return next(rule.method for rule in RULES if rule.holds(context))
 
 

@@ -25,7 +25,7 @@ ANOMALIES = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
 """The true anomalies, rad, at which a revolution is searched, one of them the perigee; and the mean
 ones, because an orbit of great eccentricity spends its time near the apogee."""
 
-MOST = 40_000
+MOST_REVOLUTIONS = 40_000
 """The greatest number of revolutions that are searched. A longer time, seven years of a low orbit,
 is searched at as many equal distances: a decay by the drag fills much of the time since the
 epoch."""
@@ -59,10 +59,10 @@ def first_failure(record: Record, reach: float) -> tuple[float, int] | None:
     # Less than a revolution apart, so that no perigee falls between two of them.
     turns = abs(reach) * mean_motion / (2.0 * np.pi) / 0.9
     # A mean motion of zero or NaN has no revolutions; the theory rejects its epoch.
-    count = int(np.clip(np.ceil(turns), 1, MOST)) if np.isfinite(turns) else 1
+    count = int(np.clip(np.ceil(turns), 1, MOST_REVOLUTIONS)) if np.isfinite(turns) else 1
     # One revolution more, so that there are samples on both sides of the last perigee.
     starts = np.linspace(0.0, reach, count + 1)
-    apart = abs(reach) / count if count < MOST else 0.0
+    apart = abs(reach) / count if count < MOST_REVOLUTIONS else 0.0
     for first in range(0, count + 1, BLOCK):
         some = starts[first : first + BLOCK]
         ts = _of_revolutions(record, some, -1.0 if reach < 0.0 else 1.0, apart)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 LEAST_SHARE = 5e-4
 """The least share of the variance that is shown, with one digit of a percent."""
-MOST = 6
+MOST_OUTPUTS = 6
 """Outputs that one figure shows legibly."""
 
 
@@ -53,7 +53,7 @@ def dispersion_figure(
     with extra("app"):
         from matplotlib.figure import Figure
 
-    names = list(dispersion.outputs)[:MOST] if outputs is None else list(outputs)
+    names = list(dispersion.outputs)[:MOST_OUTPUTS] if outputs is None else list(outputs)
     pair = chosen_pair(dispersion, names) if scatter is None else scatter
     # Rows above those of the outputs.
     top = 0 if pair is None else 1

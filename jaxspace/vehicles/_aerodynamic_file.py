@@ -77,7 +77,7 @@ HEIGHT = "altitude"
 THRUST = "thrust"
 # Mach numbers of a flight that are closer than this become one point. Time steps of a flight give
 # thousands of points, which differ by noise only.
-APART = 0.01
+INTERVAL = 0.01
 # Of a number in a table: the slopes between larger ones would overflow.
 LARGEST = 1e100
 
@@ -226,7 +226,7 @@ def _of_flight(path: str, sheet: Sheet) -> dict[str, np.ndarray]:
         points, on = _thinned(mach[burning], coefficient[burning])
         both = np.unique(np.concatenate([nodes, points]))
         # Points of both tables that nearly coincide would make slopes of noise.
-        both = both[np.append(True, np.diff(both) > 0.5 * APART)]
+        both = both[np.append(True, np.diff(both) > 0.5 * INTERVAL)]
         result = {
             "mach": both,
             "axial": np.interp(both, nodes, off),
@@ -236,7 +236,7 @@ def _of_flight(path: str, sheet: Sheet) -> dict[str, np.ndarray]:
 
 
 def _thinned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The mean of the points in each interval of the length `APART`."""
-    number = np.unique(np.round(x / APART), return_inverse=True)[1]
+    """The mean of the points in each interval of the length `INTERVAL`."""
+    number = np.unique(np.round(x / INTERVAL), return_inverse=True)[1]
     count = np.bincount(number)
     return np.bincount(number, x) / count, np.bincount(number, y) / count
