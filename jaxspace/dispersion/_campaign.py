@@ -18,6 +18,7 @@ from ..core.user_functions import user_function
 from ..integration.accuracy import Accuracy
 from ..sampling.designs import AbstractDesign, draw
 from ..sampling.distributions import AbstractDistribution
+from ..sampling.joint import AbstractJoint
 from ..simulation import Mission
 from ..statistics.requirements import requirement_of
 from ..stores.results import RunResults
@@ -112,6 +113,11 @@ class Campaign(AbstractCampaign):
             raise InputError("Campaign.inputs is empty: it must name at least one input.")
         check_names("Campaign.inputs", self.inputs)
         for name, distribution in self.inputs.items():
+            if isinstance(distribution, AbstractJoint):
+                raise InputError(
+                    f"Campaign.inputs[{name!r}] is a joint distribution of {distribution.size} "
+                    "inputs: its method inputs names them, as in {**joint.inputs('a', 'b'), ...}."
+                )
             if not isinstance(distribution, AbstractDistribution):
                 raise InputError(
                     f"Campaign.inputs[{name!r}] is {distribution!r}: it must be a distribution."

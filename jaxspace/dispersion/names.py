@@ -21,6 +21,11 @@ def check_names(field: str, names: Iterable[object]) -> None:
     - `field`: the field with the names, for the message.
     - `names`: of inputs or outputs."""
     for name in names:
+        if isinstance(name, tuple):
+            raise InputError(
+                f"{field} has the tuple {name!r} as a name: the inputs of a joint distribution are "
+                "named by its method inputs, as in {**joint.inputs('a', 'b'), ...}."
+            )
         if name in RESERVED:
             raise InputError(
                 f"{field} has the reserved name {name!r}: it must differ from "

@@ -186,6 +186,21 @@ def test_bad_input_names_its_field(make, field):
         make()
 
 
+@pytest.mark.parametrize("name, words", [(("a", "b"), "the tuple"), ("a", "a joint distribution")])
+def test_a_joint_distribution_in_place_of_its_inputs_is_rejected(name, words):
+    """With how its inputs are named."""
+    pair = MultivariateNormal(np.zeros(2), np.eye(2))
+    with pytest.raises(InputError, match=rf"{words}.*\{{\*\*joint\.inputs\('a', 'b'\)"):
+        # Without the checks of types that tests add.
+        check_campaign({name: pair})
+
+
+def check_campaign(inputs):
+    campaign = object.__new__(Campaign)
+    object.__setattr__(campaign, "inputs", inputs)
+    campaign.__check_init__()
+
+
 def test_an_output_may_not_have_the_name_of_an_input():
     clash = Campaign(
         drifts, {"x0": Normal(0.0, 1.0), "v0": Constant(1.0)}, lambda r, s: {"x0": r.final.x}
