@@ -19,6 +19,7 @@ from jaxspace.dispersion import (
     Campaign,
     Constant,
     Dispersion,
+    MultivariateNormal,
     Normal,
     TruncatedNormal,
     Uniform,
