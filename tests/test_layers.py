@@ -30,7 +30,8 @@ ALLOWED = {
     "constants": set(),
     "rotations": {"core"},
     "bodies": {"core", "rotations"},
-    "orbits": {"core", "rotations", "bodies"},
+    # The constants for a check of units only.
+    "orbits": {"core", "rotations", "bodies", "constants"},
     "attitude": {"core", "rotations", "bodies"},
     "rockets": {"core", "rotations", "bodies"},
     "gyros": {"core", "rotations"},

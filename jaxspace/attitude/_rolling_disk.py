@@ -34,6 +34,7 @@ depends on a coefficient of friction, which the model does not have. The quatern
 integrated: only a flat disk is singular, because it has no point of contact.
 """
 
+import math
 from collections.abc import Sequence
 from typing import final
 
@@ -44,7 +45,7 @@ from jaxtyping import Array
 from ..bodies import BodyState
 from ..core import (
     AbstractSystem,
-    Flag,
+    InputError,
     NumberField,
     OptionalNumberField,
     Scalar,
@@ -53,6 +54,8 @@ from ..core import (
     constructor,
     quantity,
 )
+from ..core.checks import is_concrete
+from ..core.limits import Limit
 from ..core.types import as_float, precision_of
 from ..core.vectors import axis, dot
 from ..rotations import from_euler_angles
@@ -130,11 +133,16 @@ class RollingDisk(AbstractSystem):
             return {"energy": self.energy(y)} | conserved
         return conserved
 
-    def outside(self, t: Scalar, y: BodyState) -> Flag:
+    def limits(self, t: Scalar, y: BodyState) -> Sequence[Limit]:
         del t
-        lifted = self.contact_force(y)[2] < -PULL * self.mass * self.gravity
+        normal = self.contact_force(y)[2]
+        pull = PULL * self.mass * self.gravity
         # A part in a million of the radius: a coin settles towards flat.
-        return lifted | (y.position[2] < -1e-6 * self.radius)
+        sunk = 1e-6 * self.radius
+        return (
+            Limit("the normal force of the plane", "N", normal, 0.0, margin=pull),
+            Limit("the height of the centre", "m", y.position[2], 0.0, margin=sunk),
+        )
 
     @constructor(
         angles=argument(
@@ -162,6 +170,13 @@ class RollingDisk(AbstractSystem):
         given = angles, rates, centre
         kind = precision_of(self, *given)
         a, a_dot, place = (as_float(x).astype(kind) for x in given)
+        # In a batch only the run that lies flat is NaN.
+        if is_concrete(a) and a.ndim == 1 and abs(math.sin(float(a[1]))) < 1e-12:
+            raise InputError(
+                f"RollingDisk.state: theta, the second angle, is {float(a[1]):.6g} rad, where the "
+                "disk lies flat: it must be above 0 and below pi, where the rim has one lowest "
+                "point."
+            )
         height = self.radius * jnp.sin(a[1])
         x, y, z = jnp.broadcast_arrays(place[0], place[1], height)
         return BodyState(

@@ -12,6 +12,7 @@
 Source: Thomson Problem 5.14-12; at rest 5.12-7.
 """
 
+import math
 from typing import final
 
 import equinox as eqx
@@ -63,7 +64,7 @@ class ShaftPendulum(AbstractSystem):
 
     @staticmethod
     @constructor(
-        tilt=argument("rad", doc="theta, from the downward vertical"),
+        tilt=argument("rad", low=-math.pi, high=math.pi, doc="theta, from the downward vertical"),
         tilt_rate=argument("rad/s", default=0.0, doc="theta'"),
     )
     def state(tilt: Scalar, tilt_rate: Scalar = 0.0) -> TiltState:

@@ -2,6 +2,7 @@
 
 __all__ = ["attitude_along", "attitude_from_angles"]
 
+import math
 from collections.abc import Sequence
 from typing import TypeAlias
 
@@ -18,6 +19,8 @@ Pair: TypeAlias = Float[Array, "2 *#runs"] | Sequence[Scalar]
 
 _TILT = argument(
     "rad",
+    low=-math.pi,
+    high=math.pi,
     shape=(2,),
     default=(0.0, 0.0),
     doc="tilt about the body's x and then y axis, applied last",

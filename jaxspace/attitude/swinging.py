@@ -35,6 +35,7 @@ __all__ = [
 ]
 
 import math
+from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
@@ -43,8 +44,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..core import AbstractSystem, Flag, NumberField, Scalar, argument, constructor, quantity
+from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
+from ..core.limits import Limit
 from ..core.printing import printed
 from ..core.safe import end_sqrt, safe_sqrt
 from ..core.types import as_float, precision_of
@@ -141,13 +143,15 @@ class SwingingCords(AbstractSystem):
             "angular_momentum": whole * w + m * l * l * q + product * (w + q),
         }
 
-    def outside(self, t: Scalar, y: SwingState) -> Flag:
+    def limits(self, t: Scalar, y: SwingState) -> Sequence[Limit]:
         del t
         # Relative to the tension due to the rates, with a margin above the error of a state.
         q = y.spin + y.angle_rate
         pull = self.mass * (self.cord_length * q * q + self.radius * y.spin * y.spin)
-        slack = self.tension(y) < -1e-4 * pull
-        return slack | (jnp.abs(y.angle) > 0.5 * math.pi + 1e-4)
+        return (
+            Limit("the tension of the cords", "N", self.tension(y), 0.0, margin=1e-4 * pull),
+            Limit("the size of angle", "rad", jnp.abs(y.angle), high=0.5 * math.pi, margin=1e-4),
+        )
 
     def tension(self, y: SwingState) -> Scalar:
         """F, N, of all cords together in the state `y`."""

@@ -24,6 +24,7 @@ stretch. A run of stretched cords that become slack has the status `OUTSIDE_MODE
 
 __all__ = ["CordState", "StretchingCords", "UnwindingCords"]
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias, final
 
 import equinox as eqx
@@ -32,13 +33,13 @@ from jaxtyping import Array, Float
 from ..core import (
     AbstractClosedForm,
     AbstractSystem,
-    Flag,
     NumberField,
     Scalar,
     argument,
     constructor,
     quantity,
 )
+from ..core.limits import Limit
 from ..core.printing import printed
 from ..core.safe import safe_divide, safe_sqrt
 from ..core.types import as_float
@@ -190,10 +191,11 @@ class StretchingCords(AbstractSystem):
             "angular_momentum": self.axial_inertia * y.spin + momentum,
         }
 
-    def outside(self, t: Scalar, y: CordState) -> Flag:
+    def limits(self, t: Scalar, y: CordState) -> Sequence[Limit]:
         del t
         # Relative to the free length, because the stretch may be zero at the start.
-        return y.stretch < -1e-6 * self.radius * abs(y.angle)
+        margin = 1e-6 * self.radius * abs(y.angle)
+        return (Limit("the stretch of the cords", "m", y.stretch, 0.0, margin=margin),)
 
     def tension(self, y: CordState) -> Scalar:
         """F, N, of all cords together in the state `y`; negative where they would be slack."""

@@ -4,7 +4,7 @@ __all__ = ["with_parts"]
 
 import dataclasses
 from abc import abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import final
 
 import equinox as eqx
@@ -22,6 +22,7 @@ from ..core import (
     State,
     Vector,
 )
+from ..core.limits import Limit, any_passed
 from ..core.printing import printed
 from ._body import AbstractBody
 from .state import BodyState
@@ -139,11 +140,21 @@ class AbstractEffect(AbstractParameters):
         the default, for no warning."""
         return None
 
-    def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag | None:
-        """Whether the state is outside the range of the effect, such as that of a table, for each
-        run; `None`, the default, where every state is inside (`AbstractSystem.outside`)."""
+    def check_values(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
+        """Raise `InputError`, or warn, for numbers that contradict the first state `y`, at the time
+        `t`, s (`AbstractSystem.check_values`)."""
         del t, y, body
-        return None
+
+    def limits(self, t: Scalar, y: BodyState, body: AbstractBody) -> Sequence[Limit]:
+        """The limits of the range of the effect, such as that of a table; none by default
+        (`AbstractSystem.limits`)."""
+        del t, y, body
+        return ()
+
+    def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag | None:
+        """Whether the state is outside the range of the effect, for each run: by default beyond one
+        of its `limits`; `None` where every state is inside (`AbstractSystem.outside`)."""
+        return any_passed(self.limits(t, y, body))
 
     def scaled(self, factor: Scalar) -> "AbstractEffect | None":
         """The same effect with its load multiplied by `factor`, or `None`.

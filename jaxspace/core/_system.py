@@ -7,6 +7,7 @@ effects.
 """
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -14,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from .limits import Limit, any_passed
 from .printing import printed
 from .quantities import AbstractParameters
 from .structure import HashedModule
@@ -43,6 +45,11 @@ class AbstractClosedForm(HashedModule):
         closed form, as by a collision, for each run; `None` where none does."""
         del duration, y
         return None
+
+    @property
+    def range_of_validity(self) -> str:
+        """What a motion outside of the range has done, in words, for the message of its run."""
+        return ""
 
 
 class AbstractSplit(HashedModule):
@@ -229,16 +236,22 @@ class AbstractSystem(AbstractParameters):
         del t, y
         return None
 
+    def limits(self, t: Scalar, y: State) -> Sequence[Limit]:
+        """The limits of the range of the model at the time `t`, s, and the state `y`, such as the
+        dry mass as the least mass; none by default. Their quantities are named in the message of a
+        run that leaves the range."""
+        del t, y
+        return ()
+
     def outside(self, t: Scalar, y: State) -> Flag | None:
-        """Whether the state `y` is outside the range of the model, such as a mass below the dry
-        mass, for each run; `None` where every state is inside.
+        """Whether the state `y` is outside the range of the model, for each run: by default beyond
+        one of its `limits`; `None` where every state is inside.
 
         Asked of every saved state and of that at the end of each step. The run then has the status
         `OUTSIDE_MODEL`, also where the state is inside again later; beyond the event that ends a
         run none is asked. A margin of the rounding and of the tolerance belongs to it, because an
         event may end the run on the boundary."""
-        del t, y
-        return None
+        return any_passed(self.limits(t, y))
 
     def warning(self, ts: Array, states: State, undisturbed: bool) -> RunWarning | None:
         """Probable mistakes in finished runs, such as a path through the ground; `None`, the

@@ -92,7 +92,8 @@ class Quantity(NamedTuple):
         below = "below" if self.strict else "at most"
         limits = [f"{above} {self.low:g}"] if self.low > -math.inf else []
         limits += [f"{below} {self.high:g}"] if self.high < math.inf else []
-        return f"{' and '.join(limits)}, and finite"
+        text = f"{' and '.join(limits)}, and finite"
+        return f"{text}; angles are in rad (jnp.deg2rad)" if self.unit == "rad" else text
 
     def contains(self, value: ArrayLike) -> Array | np.ndarray | np.bool_:
         """Whether each number of `value` is finite and within the range; for a traced value, as an

@@ -32,13 +32,16 @@ rest of its weight: gravity itself has no moment about the vertical and would no
 speed and course of the ship are constant; at a pole the meridian is undefined.
 """
 
+import math
+from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import AbstractSystem, Flag, NumberField, Scalar, argument, constructor, quantity
+from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
+from ..core.limits import Limit
 from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.square_roots import sqrt
@@ -77,7 +80,9 @@ class Gyrocompass(AbstractSystem):
     pendulous_moment: NumberField = quantity(
         "N m", positive=True, doc="wl, weight of the bail times its depth"
     )
-    latitude: NumberField = quantity("rad", doc="of the ship")
+    latitude: NumberField = quantity(
+        "rad", low=-0.5 * math.pi, high=0.5 * math.pi, doc="of the ship"
+    )
     damping_moment: NumberField = quantity(
         "N m", default=0.0, doc="we, weight of the bail times its offset to the east"
     )
@@ -124,9 +129,11 @@ class Gyrocompass(AbstractSystem):
         turn = w_e_rate - e_rate + y.azimuth_rate * y.tilt_rate * sa
         return GyrocompassState(y.tilt_rate, y.azimuth_rate, h_rate - w_h_rate, turn / ca)
 
-    def outside(self, t: Scalar, y: GyrocompassState) -> Flag:
+    def limits(self, t: Scalar, y: GyrocompassState) -> Sequence[Limit]:
         del t
-        return jnp.cos(y.tilt) <= 0.0
+        # At the vertical the azimuth is undefined.
+        least = float(jnp.finfo(y.tilt.dtype).tiny)
+        return (Limit("the cosine of tilt", "", jnp.cos(y.tilt), least),)
 
     def invariants(self, t: Scalar, y: GyrocompassState) -> dict[str, Array]:
         """Nothing is conserved: damping and the ship's motion change the energy."""
@@ -135,7 +142,13 @@ class Gyrocompass(AbstractSystem):
 
     @staticmethod
     @constructor(
-        tilt=argument("rad", default=0.0, doc="alpha, elevation of the axis"),
+        tilt=argument(
+            "rad",
+            low=-0.5 * math.pi,
+            high=0.5 * math.pi,
+            default=0.0,
+            doc="alpha, elevation of the axis",
+        ),
         azimuth=argument("rad", default=0.0, doc="psi, of the axis, west of north"),
         tilt_rate=argument("rad/s", default=0.0, doc="rate of the tilt"),
         azimuth_rate=argument("rad/s", default=0.0, doc="rate of the azimuth"),

@@ -24,6 +24,7 @@ Source: Thomson 6.10, 6.11; Titterton and Weston, Strapdown Inertial Navigation 
 Level axes do not exist at a pole. Without an altimeter the height is unstable (6.11).
 """
 
+import math
 from collections.abc import Callable
 from typing import final
 
@@ -70,7 +71,9 @@ class InertialNavigator(AbstractSystem):
       vertical times -g, and anomaly. It is unknown to the navigator.
     - `gimballed`: whether the instruments are on a levelled table."""
 
-    latitude: NumberField = quantity("rad", doc="of the vehicle at t = 0")
+    latitude: NumberField = quantity(
+        "rad", low=-0.5 * math.pi, high=0.5 * math.pi, doc="of the vehicle at t = 0"
+    )
     longitude: NumberField = quantity("rad", default=0.0, doc="of the vehicle at t = 0")
     height: NumberField = quantity("m", default=0.0, doc="of the vehicle at t = 0")
     east_speed: NumberField = quantity("m/s", default=0.0, doc="at the time zero")
@@ -131,7 +134,14 @@ class InertialNavigator(AbstractSystem):
     @constructor(
         position=argument("m", shape=(3,), default=ZERO, doc="error: east, north, up"),
         velocity=argument("m/s", shape=(3,), default=ZERO, doc="error over the ground"),
-        tilt=argument("rad", shape=(3,), default=ZERO, doc="error of the attitude, a turn"),
+        tilt=argument(
+            "rad",
+            low=-math.pi,
+            high=math.pi,
+            shape=(3,),
+            default=ZERO,
+            doc="error of the attitude, a turn",
+        ),
     )
     def state(
         self, position: Given = ZERO, velocity: Given = ZERO, tilt: Given = ZERO

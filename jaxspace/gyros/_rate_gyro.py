@@ -20,6 +20,7 @@ Valid for small angles of the gimbal: a run with more than `SMALL_ANGLE` has the
 `OUTSIDE_MODEL`.
 """
 
+from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
@@ -27,13 +28,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ..core import AbstractSystem, Flag, NumberField, Scalar, quantity
+from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core.limits import Limit
 from ..core.printing import printed
 from ..core.safe import phi2
 from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
 from ._linear import LinearFlow, linear_rate, rows
-from ._small_angle import beyond_small
+from ._small_angle import small_angle
 
 
 @final
@@ -77,9 +79,9 @@ class RateGyro(AbstractSystem):
         del t
         return linear_rate(*self._matrices(), y)
 
-    def outside(self, t: Scalar, y: RateGyroState) -> Flag:
+    def limits(self, t: Scalar, y: RateGyroState) -> Sequence[Limit]:
         del t
-        return beyond_small(y.angle)
+        return (small_angle("angle", y.angle),)
 
     def invariants(self, t: Scalar, y: RateGyroState) -> dict[str, Array]:
         """Nothing is conserved: the input does work on the gimbal."""

@@ -1,15 +1,15 @@
 """The range of the models that are linear in an angle."""
 
 import jax.numpy as jnp
-from jaxtyping import Array
 
 from ..core import Scalar
+from ..core.limits import Limit
 
 SMALL_ANGLE = 1.0
 """The angle, rad, beyond which a linear model is invalid: its sine is 0.84, so that results of such
 a model are meaningless."""
 
 
-def beyond_small(angle: Scalar) -> Array:
-    """Whether an angle, rad, is too large for a linear model."""
-    return jnp.abs(angle) > SMALL_ANGLE
+def small_angle(name: str, angle: Scalar) -> Limit:
+    """The limit of an angle, rad, for a linear model; `name` is that of the angle in the state."""
+    return Limit(f"the size of {name}", "rad", jnp.abs(angle), high=SMALL_ANGLE)

@@ -26,16 +26,17 @@ so that psi, its rate and the vector field are undefined. With C_i + C_0 > 0 not
 The event `near_gimbal_lock` reports it before.
 """
 
-import functools
-import operator
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import final
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
-from ..core import AbstractSystem, Flag, NumberField, Scalar, argument, constructor, quantity
+from ..core import AbstractSystem, InputError, NumberField, Scalar, argument, constructor, quantity
+from ..core.checks import is_concrete
+from ..core.limits import Limit
 from ..core.safe import end_sqrt
 from ..core.special import stumpff
 from ..core.square_roots import inverse_sqrt
@@ -111,19 +112,23 @@ class TwoGimbalGyro(AbstractSystem):
             slip_outer=None if y.slip_outer is None else jnp.zeros_like(y.slip_outer),
         )
 
-    def outside(self, t: Scalar, y: GimbalState) -> Flag | None:
-        """Whether a bearing with dry friction turns against its slip, or sticks under a moment
-        beyond the friction limit: the event of `friction_margin` is missing."""
+    def limits(self, t: Scalar, y: GimbalState) -> Sequence[Limit]:
+        """A bearing with dry friction neither turns against its slip, nor sticks under a moment
+        beyond the friction limit: beyond, the event of `friction_margin` is missing."""
         del t
         # With a margin above the error of a state at that event: in moments a part of the friction,
         # in rates of the precession that it makes.
         precession = 1.0 / jnp.abs(self.spin_momentum(y))
-        flags = [
-            bearing.margin(rate, applied, slip)
-            < -1e-4 * bearing.dry * jnp.where(slip == 0.0, 1.0, precession)
-            for _, bearing, rate, applied, slip in self._slipping(y)
+        return [
+            Limit(
+                f"friction_margin, of {name}",
+                "",
+                bearing.margin(rate, applied, slip),
+                0.0,
+                margin=1e-4 * bearing.dry * jnp.where(slip == 0.0, 1.0, precession),
+            )
+            for name, bearing, rate, applied, slip in self._slipping(y)
         ]
-        return functools.reduce(operator.or_, flags) if flags else None
 
     def invariants(self, t: Scalar, y: GimbalState) -> dict[str, Array]:
         """The energy minus the work of the moments, J, and the momentum about Z minus the impulse
@@ -158,7 +163,15 @@ class TwoGimbalGyro(AbstractSystem):
 
         The state contains the momentum about the outer axis, which includes H cos(theta) of the
         spin: an outer rate far below H cos(theta)/A has the rounding error of the latter."""
-        h = self.outer_inertia(theta) * psi_rate + self.spin_momentum() * jnp.cos(theta)
+        inertia = self.outer_inertia(theta)
+        # In a batch only the run in gimbal lock is NaN.
+        if is_concrete(inertia) and inertia.ndim == 0 and float(inertia) == 0.0:
+            raise InputError(
+                f"TwoGimbalGyro.state: theta is {float(np.asarray(theta)):.6g} rad, gimbal lock: "
+                "the axis of the rotor is along that of the outer gimbal, whose rate is undefined "
+                "without the mass of gimbals. Start at another angle, or give inner_zeta or outer."
+            )
+        h = inertia * psi_rate + self.spin_momentum() * jnp.cos(theta)
         y = GimbalState(theta, psi, theta_rate, h)
         if self.motor is not None:
             y = replace(y, spin_momentum=self.spin_momentum() + 0.0 * h)

@@ -19,19 +19,21 @@ Valid for small tilts: a run with more than `SMALL_ANGLE` has the status `OUTSID
 
 __all__ = ["schuler_frequency", "schuler_period"]
 
+from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import AbstractSystem, Flag, NumberField, Scalar, quantity
+from ..core import AbstractSystem, NumberField, Scalar, quantity
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
+from ..core.limits import Limit
 from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.square_roots import sqrt
 from ._linear import LinearFlow, linear_rate, rows
-from ._small_angle import beyond_small
+from ._small_angle import small_angle
 
 
 @formula(gravity=NOT_NEGATIVE, radius=POSITIVE)
@@ -92,9 +94,9 @@ class Gyropendulum(AbstractSystem):
         del t
         return linear_rate(*self._matrices(), y)
 
-    def outside(self, t: Scalar, y: GyropendulumState) -> Flag:
+    def limits(self, t: Scalar, y: GyropendulumState) -> Sequence[Limit]:
         del t
-        return beyond_small(y.theta) | beyond_small(y.phi)
+        return small_angle("theta", y.theta), small_angle("phi", y.phi)
 
     def invariants(self, t: Scalar, y: GyropendulumState) -> dict[str, Array]:
         """Nothing is conserved with erection motors on."""

@@ -22,20 +22,22 @@ Valid for small angles of the gyro: a run with more than `SMALL_ANGLE` has the s
 
 __all__ = ["gimbal_lock_margin", "resolve_signals"]
 
+from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import AbstractSystem, Flag, NumberField, Scalar, Vector, quantity
+from ..core import AbstractSystem, NumberField, Scalar, Vector, quantity
 from ..core.formula import formula
+from ..core.limits import Limit
 from ..core.printing import printed
 from ..core.shapes import check_components
 from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
 from ._linear import LinearFlow, linear_rate, rows
-from ._small_angle import beyond_small
+from ._small_angle import small_angle
 
 
 @final
@@ -69,9 +71,9 @@ class PlatformAxis(AbstractSystem):
         del t
         return linear_rate(*self._matrices(), y)
 
-    def outside(self, t: Scalar, y: PlatformState) -> Flag:
+    def limits(self, t: Scalar, y: PlatformState) -> Sequence[Limit]:
         del t
-        return beyond_small(y.gyro_angle)
+        return (small_angle("gyro_angle", y.gyro_angle),)
 
     def invariants(self, t: Scalar, y: PlatformState) -> dict[str, Array]:
         """Nothing is conserved with a servo on."""

@@ -30,6 +30,7 @@ Valid for small angles of the gyros (a run with more than `SMALL_ANGLE` has the 
 
 __all__ = ["gimbal_axes"]
 
+from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
@@ -39,7 +40,6 @@ from jaxtyping import Array, Float
 
 from ..core import (
     AbstractSystem,
-    Flag,
     NumberField,
     Scalar,
     Vector,
@@ -48,13 +48,14 @@ from ..core import (
     quantity,
 )
 from ..core.formula import formula
+from ..core.limits import Limit
 from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.types import as_float
 from ..core.vectors import cross
 from ..rotations import Quaternion
 from ._shapes import ZERO, Three
-from ._small_angle import beyond_small
+from ._small_angle import small_angle
 from .platform import resolve_signals
 
 Gimbals = Float[Array, "gimbals *#runs"]
@@ -141,9 +142,10 @@ class StablePlatform(AbstractSystem):
             y.attitude.rate(w),
         )
 
-    def outside(self, t: Scalar, y: StablePlatformState) -> Flag:
+    def limits(self, t: Scalar, y: StablePlatformState) -> Sequence[Limit]:
         del t
-        return jnp.any(beyond_small(y.gyro_angles), axis=0)
+        # Of the three the largest.
+        return (small_angle("gyro_angles", jnp.max(jnp.abs(y.gyro_angles), axis=0)),)
 
     def invariants(self, t: Scalar, y: StablePlatformState) -> dict[str, Array]:
         """Nothing is conserved with servos on."""

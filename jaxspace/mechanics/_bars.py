@@ -17,12 +17,14 @@ Source: Thomson 9.10 problems 9, 10. Valid while the string is taut, and while t
 length, r > 0: a run with a slack string, or through r = 0, has the status `OUTSIDE_MODEL`.
 """
 
+from collections.abc import Sequence
 from typing import ClassVar, final
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import Flag, NumberField, Scalar, argument, constructor, quantity
+from ..core import NumberField, Scalar, argument, constructor, quantity
+from ..core.limits import Limit
 from ..core.listed import no_method
 from ..core.square_roots import inverse_sqrt
 from ._description import GeneralisedState
@@ -81,11 +83,12 @@ class BarOnString(AbstractLagrangian):
         )
         return self.mass * (self.gravity * jnp.cos(phi) + outwards)
 
-    def outside(self, t: Scalar, y: GeneralisedState) -> Flag:
+    def limits(self, t: Scalar, y: GeneralisedState) -> Sequence[Limit]:
         del t
         # With a margin above the error of a state, because an event may end a run there.
         lengths = self.string_length * y.rates[0] ** 2 + self.bar_length * y.rates[1] ** 2
-        return self.tension(y) < -1e-4 * self.mass * (jnp.abs(self.gravity) + lengths)
+        margin = 1e-4 * self.mass * (jnp.abs(self.gravity) + lengths)
+        return (Limit("the tension of the string", "N", self.tension(y), 0.0, margin=margin),)
 
     @staticmethod
     @constructor(
@@ -127,9 +130,10 @@ class BarOnSpring(AbstractLagrangian):
         kinetic = _kinetic(self.mass, b, (r, v[0]), q[1:], v[1:])
         return kinetic + self.mass * self.gravity * depth - stretch
 
-    def outside(self, t: Scalar, y: GeneralisedState) -> Flag:
+    def limits(self, t: Scalar, y: GeneralisedState) -> Sequence[Limit]:
         del t
-        return y.coordinates[0] < -1e-6 * self.free_length
+        margin = 1e-6 * self.free_length
+        return (Limit("the length r of the spring", "m", y.coordinates[0], 0.0, margin=margin),)
 
     @staticmethod
     @constructor(

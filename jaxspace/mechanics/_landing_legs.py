@@ -22,13 +22,16 @@ status `OUTSIDE_MODEL`. While heavy legs still spread from a fast touchdown the 
 pull for a moment: as in the impact, the feet are taken to stay.
 """
 
+import math
+from collections.abc import Sequence
 from typing import ClassVar, final
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..core import Flag, NumberField, OptionalNumberField, Scalar, argument, constructor, quantity
+from ..core import NumberField, OptionalNumberField, Scalar, argument, constructor, quantity
+from ..core.limits import Limit
 from ..core.roots import increasing_root
 from ..core.types import as_float
 from ._description import GeneralisedState
@@ -96,13 +99,16 @@ class LandingLegs(AbstractLagrangian):
         whole = self.body_mass + self.legs * self.leg_mass
         return whole * self.gravity + self._carried() * rising
 
-    def outside(self, t: Scalar, y: GeneralisedState) -> Flag:
+    def limits(self, t: Scalar, y: GeneralisedState) -> Sequence[Limit]:
         del t
         theta, rate = y.coordinates[0], y.rates[0]
         # With a margin above the error of a state, because an event may end a run there.
         weight = self._carried() * (self.gravity + self.leg_length * rate**2)
-        lifted = (self.ground_force(y) < -1e-4 * weight) & (rate < 0.0)
-        return lifted | (theta > 0.5 * jnp.pi + 1e-6) | (theta < -1e-6)
+        force, closing = self.ground_force(y), rate < 0.0
+        return (
+            Limit("the force of the ground", "N", force, 0.0, margin=1e-4 * weight, where=closing),
+            Limit("theta", "rad", theta, 0.0, 0.5 * math.pi, margin=1e-6),
+        )
 
     def touchdown(self, speed: Scalar) -> GeneralisedState:
         """The state after a touchdown at this `speed`, m/s, with the legs at rest in the body."""

@@ -11,13 +11,15 @@ Angles are measured from the downward vertical, rad. Pendulums on a moving suppo
 Source: Thomson 9.3, 9.10 problems 8, 11, 12, 19.
 """
 
+from collections.abc import Sequence
 from typing import ClassVar, final
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import Flag, NumberField, Scalar, argument, constructor, quantity
+from ..core import NumberField, Scalar, argument, constructor, quantity
 from ..core.elliptic import complete_elliptic
+from ..core.limits import Limit
 from ..core.listed import no_method
 from ..core.types import as_float
 from ._description import GeneralisedState
@@ -111,11 +113,11 @@ class ElasticPendulum(AbstractLagrangian):
         stretch = 0.5 * self.stiffness * (r - self.free_length) ** 2
         return kinetic + self.mass * self.gravity * r * jnp.cos(theta) - stretch
 
-    def outside(self, t: Scalar, y: GeneralisedState) -> Flag:
-        """Whether the length of the spring has become zero, where these coordinates are
-        singular."""
+    def limits(self, t: Scalar, y: GeneralisedState) -> Sequence[Limit]:
+        """The length of the spring, at zero of which these coordinates are singular."""
         del t
-        return y.coordinates[0] < -1e-6 * self.free_length
+        margin = 1e-6 * self.free_length
+        return (Limit("the length r of the spring", "m", y.coordinates[0], 0.0, margin=margin),)
 
     @staticmethod
     @constructor(

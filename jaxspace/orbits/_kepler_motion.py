@@ -25,6 +25,10 @@ class KeplerMotion(AbstractClosedForm):
         position, velocity = conic_flow(y.position, y.velocity, duration, self.mu)
         return BodyState(position=position, velocity=velocity)
 
+    @property
+    def range_of_validity(self) -> str:
+        return "The motion is along a straight line through the centre, and passes r = 0"
+
     def outside(self, duration: Scalar, y: BodyState) -> Flag:
         """Whether the motion is along a straight line through the centre and passes the centre."""
         assert y.position is not None and y.velocity is not None

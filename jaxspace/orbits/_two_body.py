@@ -20,6 +20,7 @@ from jaxtyping import Array
 from ..bodies import BodyState
 from ..core import AbstractSystem, NumberField, Scalar
 from ._kepler_motion import KeplerMotion
+from ._lengths import check_place
 from ._planet import gravitational_parameter
 from .elements import angular_momentum, eccentricity_vector, specific_energy
 from .point_gravity import point_gravity
@@ -46,6 +47,11 @@ class TwoBody(AbstractSystem):
             "angular_momentum": angular_momentum(y.position, y.velocity),
             "eccentricity_vector": eccentricity_vector(y.position, y.velocity, self.mu),
         }
+
+    def check_values(self, t: Scalar, y: BodyState) -> None:
+        """Warn of a place deep within a planet with this `mu`, most likely in kilometres."""
+        del t
+        check_place(y, self.mu)
 
     def closed_form(self) -> KeplerMotion:
         return KeplerMotion(self.mu)

@@ -22,6 +22,8 @@ __all__ = [
     "vis_viva_speed",
 ]
 
+import math
+
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector, argument, initial
@@ -125,9 +127,15 @@ def elements_from_burnout(
     burnout_radius=argument("m", positive=True, doc="distance from the centre at burnout"),
     burnout_speed=argument("m/s", positive=True, doc="speed at burnout"),
     flight_path_angle=argument(
-        "rad", default=0.0, doc="angle of the velocity at burnout above the horizontal"
+        "rad",
+        low=-math.pi,
+        high=math.pi,
+        default=0.0,
+        doc="angle of the velocity at burnout above the horizontal",
     ),
-    inclination=argument("rad", default=0.0, doc="angle from the z axis to r x v"),
+    inclination=argument(
+        "rad", low=-math.pi, high=math.pi, default=0.0, doc="angle from the z axis to r x v"
+    ),
     node=argument("rad", default=0.0, doc="longitude of the ascending node"),
     argument_of_latitude=argument(
         "rad", default=0.0, doc="angle from the ascending node to the place of burnout"

@@ -213,7 +213,9 @@ class ClassicalElements(AbstractParameters):
         "m", positive=True, doc="a (1 - e^2), defined for every conic"
     )
     eccentricity: NumberField = quantity("", non_negative=True, doc="of the conic")
-    inclination: NumberField = quantity("rad", doc="angle from the z axis to r x v")
+    inclination: NumberField = quantity(
+        "rad", low=-math.pi, high=math.pi, doc="angle from the z axis to r x v"
+    )
     node: NumberField = quantity("rad", doc="longitude of the ascending node")
     argument_of_periapsis: NumberField = quantity(
         "rad", doc="angle from the ascending node to the periapsis"

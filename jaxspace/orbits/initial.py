@@ -2,6 +2,7 @@
 
 __all__ = ["orbit_from_altitude", "orbit_from_radius"]
 
+import math
 import warnings
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ..core import Scalar, Vector, argument, check, initial
 from ..core.checks import is_concrete
 from ..core.formula import formula
+from ._lengths import warn_of_kilometres
 from .elements import ClassicalElements, state_from_elements
 
 MU = argument(
@@ -16,7 +18,9 @@ MU = argument(
 )
 _PLACE = {
     "eccentricity": argument("", non_negative=True, default=0.0, doc="of the conic"),
-    "inclination": argument("rad", default=0.0, doc="angle from the z axis to r x v"),
+    "inclination": argument(
+        "rad", low=-math.pi, high=math.pi, default=0.0, doc="angle from the z axis to r x v"
+    ),
     "node": argument("rad", default=0.0, doc="longitude of the ascending node"),
     "argument_of_periapsis": argument(
         "rad", default=0.0, doc="angle from the ascending node to the periapsis"
@@ -53,6 +57,7 @@ def orbit_from_radius(
 
     **Raises** `InputError` for a radius or a parameter that is not positive, or a negative
     eccentricity."""
+    warn_of_kilometres("periapsis_radius", periapsis_radius, mu, stacklevel=4)
     elements = ClassicalElements.from_periapsis(
         periapsis_radius, eccentricity, inclination, node, argument_of_periapsis, true_anomaly
     )

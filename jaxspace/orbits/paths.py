@@ -13,6 +13,7 @@ Any function of the time that returns a position, (3, *runs), can be used as a p
 
 __all__ = ["AbstractPath"]
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable
 from typing import TypeAlias, final
@@ -56,7 +57,9 @@ class CircularPath(AbstractPath):
     distance: NumberField = quantity("m", positive=True, doc="from the centre")
     rate: NumberField = quantity("rad/s", doc="of the motion on the circle")
     phase: NumberField = quantity("rad", default=0.0, doc="angle from the ascending node at t = 0")
-    inclination: NumberField = quantity("rad", default=0.0, doc="of the circle to the plane z = 0")
+    inclination: NumberField = quantity(
+        "rad", low=-math.pi, high=math.pi, default=0.0, doc="of the circle to the plane z = 0"
+    )
     node: NumberField = quantity("rad", default=0.0, doc="longitude of the ascending node")
 
     def __call__(self, t: Scalar) -> Vector:

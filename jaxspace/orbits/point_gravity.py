@@ -22,6 +22,7 @@ from ..core.formula import AWAY, formula
 from ..core.vectors import inverse_norm, over_norm, scale
 from ._kepler_motion import KeplerMotion
 from ._kustaanheimo_stiefel import KustaanheimoStiefel
+from ._lengths import check_place
 from ._planet import gravitational_parameter
 
 
@@ -71,6 +72,11 @@ class PointGravity(AbstractEffect):
 
     def scaled(self, factor: Scalar) -> "PointGravity":
         return PointGravity(factor * self.mu)
+
+    def check_values(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
+        """Warn of a place deep within a planet with this `mu`, most likely in kilometres."""
+        del t, body
+        check_place(y, self.mu)
 
     def closed_form(self) -> KeplerMotion:
         return KeplerMotion(self.mu)

@@ -16,6 +16,7 @@ Singular in the zenith, where the azimuth is undefined, and at the station itsel
 
 __all__ = ["LookAngles"]
 
+import math
 from typing import NamedTuple, final
 
 import jax.numpy as jnp
@@ -47,7 +48,9 @@ class Station(AbstractParameters):
     `look_angles` gives azimuth, elevation and range. For passes, `above` is the condition of an
     event: `Event(station.above(jnp.radians(5.0)), terminal=False)` collects every rise and set."""
 
-    latitude: NumberField = quantity("rad", doc="geodetic latitude")
+    latitude: NumberField = quantity(
+        "rad", low=-0.5 * math.pi, high=0.5 * math.pi, doc="geodetic latitude"
+    )
     longitude: NumberField = quantity("rad", doc="positive to the east")
     radius: NumberField = quantity("m", positive=True, doc="equatorial radius")
     rate: NumberField = quantity("rad/s", doc="of the planet about the z axis")

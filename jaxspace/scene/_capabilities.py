@@ -57,6 +57,10 @@ class BodyMotion(AbstractClosedForm):
             omega = turned.omega
         return BodyState(position, velocity, attitude, omega, y.mass)
 
+    @property
+    def range_of_validity(self) -> str:
+        return "" if self.orbit is None else self.orbit.range_of_validity
+
     def outside(self, duration: Scalar, y: BodyState) -> Flag | None:
         if self.orbit is None:
             return None

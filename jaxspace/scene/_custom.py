@@ -120,14 +120,14 @@ class Custom(AbstractEffect):
         with user_function("Custom.energy"):
             return None if self.energy is None else self.energy(t, y, body)
 
-    def check_energy(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
+    def check_values(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         """Raise `InputError` where the load does not do the work that the energy gives.
 
         The power at the state `y`, and at the same place with other rates, is -d(energy)/dt: to a
         thousandth in single precision, and to 1e-6 in double."""
         if "energy" not in self.keeps:
             return
-        power, change, size = (np.asarray(x) for x in _power(self, t, y, body))
+        power, change, size = (np.asarray(x) for x in _power(self, jnp.asarray(t), y, body))
         known = np.isfinite(power + change)
         # Of each number below: a root of the rounding would be 1e-8, as for tables.
         allowed = 1e-6 if power.dtype == np.float64 else 1e-3

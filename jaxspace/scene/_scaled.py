@@ -1,5 +1,6 @@
 """An effect whose whole load is multiplied by a factor."""
 
+from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
@@ -9,6 +10,7 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import Flag, NumberField, Scalar, State, quantity
 from ..core.field_types import check_types
+from ..core.limits import Limit
 
 
 def scaled(effect: AbstractEffect, factor: Scalar) -> AbstractEffect:
@@ -72,6 +74,9 @@ class Scaled(AbstractEffect):
 
     def ground(self) -> Scalar | None:
         return self.effect.ground()
+
+    def limits(self, t: Scalar, y: BodyState, body: AbstractBody) -> Sequence[Limit]:
+        return self.effect.limits(t, y, body)
 
     def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag | None:
         return self.effect.outside(t, y, body)

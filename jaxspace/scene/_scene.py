@@ -38,11 +38,11 @@ from ..core import (
     State,
     Vector,
 )
+from ..core.limits import Limit, any_passed
 from ..core.listed import Listed
 from ..core.structure import reads_a_leaf
 from ._capabilities import body_motion, scene_decoupled, scene_regularised, scene_split
 from ._conserved import conserved
-from ._custom import Custom
 from ._explain import explain
 from ._interface import AbstractScene
 from .ground_check import ground_warning, lowest_below_ground
@@ -157,10 +157,19 @@ class Scene(AbstractScene):
             )
 
     def check_values(self, t: Scalar, y: BodyState) -> None:
-        """Raise `InputError` for a `Custom` effect whose energy is inconsistent with its load."""
+        """Raise `InputError` for a mass below that of the body without propellant, and for a
+        `Custom` effect whose energy is inconsistent with its load."""
+        # In a batch such a run is marked, and the others go on.
+        if y.mass is not None and y.mass.ndim == 0:
+            for limit in (*self._mass_limits(y), *self._burnout_limits(y.mass)):
+                if np.any(np.asarray(limit.passed())):
+                    raise InputError(
+                        f"y0.mass is below the mass without propellant: {limit.sentence()}. Start "
+                        "with the dry mass and the propellant."
+                    )
         for effect in self.effects:
-            if isinstance(effect, Custom):
-                effect.check_energy(jnp.asarray(t), y, self.body)
+            # By its class: the method of an instance is a separate module, slow to create.
+            type(effect).check_values(effect, t, y, self.body)
 
     def start(self, y: BodyState) -> BodyState:
         """The state `y` with the initial values of the extra parts that the effects integrate.
@@ -220,20 +229,38 @@ class Scene(AbstractScene):
     def outside(self, t: Scalar, y: BodyState) -> Flag | None:
         """Whether more propellant was burnt than available, the mass is exhausted, or the state is
         outside the range of an effect; `None` where none of this is possible."""
-        flags = [self._burnt_out(y), *(e.outside(t, y, self.body) for e in self.effects)]
+        flags = [any_passed(self._mass_limits(y))]
+        flags += [effect.outside(t, y, self.body) for effect in self.effects]
         flags = [flag for flag in flags if flag is not None]
         return functools.reduce(operator.or_, flags) if flags else None
 
-    def _burnt_out(self, y: BodyState) -> Flag | None:
-        """Whether no mass is left that may go; `None` where the state has none."""
+    def limits(self, t: Scalar, y: BodyState) -> Sequence[Limit]:
+        """The least mass of the body, and the limits of the effects."""
+        effects = (limit for e in self.effects for limit in e.limits(t, y, self.body))
+        return *self._mass_limits(y), *effects
+
+    def _mass_limits(self, y: BodyState) -> Sequence[Limit]:
+        """The least mass that may be left; none where the state has no mass."""
         if y.mass is None:
-            return None
+            return ()
         least = self.body.least_mass()
         if least is None:
-            return y.mass <= 0.0
+            # A mass of zero is none.
+            return (
+                Limit("the mass of the body", "kg", y.mass, float(jnp.finfo(y.mass.dtype).tiny)),
+            )
         # A burn that ends at the dry mass does so within the tolerance of the run.
         slack = max(1e-6, 1e3 * float(jnp.finfo(y.mass.dtype).eps))
-        return y.mass < (1.0 - slack) * least
+        return (Limit("the mass of the body", "kg", y.mass, least, margin=slack * least),)
+
+    def _burnout_limits(self, mass: Scalar) -> Sequence[Limit]:
+        """The masses at which the motors burn out, for the start of a run."""
+        named = [(type(e).__name__, getattr(e, "burnout_mass", None)) for e in self.effects]
+        return [
+            Limit(f"the mass (limit: {name}.burnout_mass)", "kg", mass, least, margin=1e-6 * least)
+            for name, least in named
+            if least is not None and np.ndim(least) == 0
+        ]
 
     def warning(self, ts: Array, states: BodyState, undisturbed: bool) -> RunWarning | None:
         """The runs that pass below the surface defined by an effect (`AbstractEffect.ground`);

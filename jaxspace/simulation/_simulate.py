@@ -22,6 +22,7 @@ from ..integration.accuracy import (
 from ..integration.config import resolve
 from ..integration.events import Event
 from ..integration.exact_part import exact, with_exact_part
+from ..integration.result import DenseOutput
 from ..integration.stiffness import InitialConditions
 from ._final_error import FinalError
 from ._mission import check_system
@@ -37,7 +38,7 @@ from .checks import (
     check_values,
     hints_of_arguments,
 )
-from .failures import enough_steps, place_of_failure
+from .failures import cause_of_leaving, cause_of_nan, enough_steps, place_of_failure
 from .finish import checked
 from .repeat import Configs, rerun_failed
 from .run_call import RunCall
@@ -133,6 +134,25 @@ def _place(result: Trajectory, run: Callable[..., Trajectory]) -> str:
             steps = run((result.config,), dense=True).dense
     t0, t1 = float(result.ts[0]), float(result.ts[-1])
     place = place_of_failure(status, steps, t0, result.initial)
+    if status == Status.OUTSIDE_MODEL:
+        return f"{_left_by(result, steps)} {place}".strip()
+    if status == Status.NOT_FINITE and steps is not None:
+        return f"{place} {cause_of_nan(result.system, steps)}".strip()
     if status != Status.MAX_STEPS or steps is None:
         return place
     return f"{place} {enough_steps(steps, t0, t1, result.config.max_steps)}"
+
+
+def _left_by(result: Trajectory, steps: DenseOutput | None) -> str:
+    """What left the range of validity of the model, as a message."""
+    if steps is not None:
+        return cause_of_leaving(result.system, steps.ts, steps.states)
+    closed_form = result.system.closed_form()
+    if closed_form is None:
+        return ""
+    # The states of a failed run are NaN; its closed form has them.
+    after = result.ts - result.ts[0]
+    states = jax.vmap(lambda t: closed_form.flow(t, result.initial), 0, -1)(after)
+    cause = cause_of_leaving(result.system, result.ts, states)
+    reason = closed_form.range_of_validity
+    return cause or (f"{reason}." if reason else "")

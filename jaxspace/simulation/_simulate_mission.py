@@ -1,5 +1,6 @@
 """`simulate_mission`: the phases of a mission in sequence, from an initial state."""
 
+import numpy as np
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import InputError
@@ -7,6 +8,7 @@ from ..core.captured import captured_as_leaves
 from ..core.checks import check_finite, is_concrete
 from ..core.jit import quick_jit
 from ..core.status import Status
+from ..core.tracing import is_traced
 from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
@@ -18,8 +20,8 @@ from ..integration.exact_part import exact
 from ._final_error import FinalError
 from ._mission import Mission, check_mission
 from ._to_final_error import to_final_error
-from .checks import as_times, check_num_saved, hints_of_arguments
-from .failures import mask_mission, place_of_failure
+from .checks import as_times, check_num_saved, check_values, hints_of_arguments
+from .failures import cause_of_leaving, mask_mission, place_of_failure
 from .finish import checked, with_calls
 from .mission_result import MissionTrajectory
 from .mission_runs import run_mission
@@ -79,6 +81,8 @@ def simulate_mission(
     check_num_saved(num_saved)
     given = as_accuracy(accuracy)
     check_tolerances(given, None)
+    if not is_traced((mission, y0, t0)):
+        check_values(mission.phases[0].system, np.asarray(t0)[None], y0)
 
     def run(configs: Configs) -> MissionTrajectory:
         return run_mission(mission, y0, t0, num_saved, configs, 0)
@@ -89,20 +93,26 @@ def simulate_mission(
     # Not by the function above: warnings of a mission count the calls from here.
     configs = resolve_phases(mission, y0, given)
     result, configs = rerun_failed(run(configs), configs, lambda *a: run(a[2]), configs_for)
+    whole = result
     # A known status without a failure needs no further program.
     if not is_concrete(result.status) or int(result.status) > Status.EVENT:
         result = _failed_are_nan(result)
     trajectory = with_calls(result, mission, given, configs)
-    return checked(trajectory, throw, lambda: _failed_phase(trajectory), stacklevel=3)
+    return checked(trajectory, throw, lambda: _failed_phase(trajectory, whole), stacklevel=3)
 
 
-def _failed_phase(result: MissionTrajectory) -> str:
-    """Sentence that names the phase in which a mission failed, and where that phase began."""
+def _failed_phase(result: MissionTrajectory, whole: MissionTrajectory) -> str:
+    """Sentence that names the phase in which a mission failed, where that phase began, and what
+    left the range of validity; `whole` is the result with the states beyond the failure."""
     for name, phase in result.items():
         if int(phase.status) > Status.EVENT:
             # A mission stores no steps, so that only the start of the phase is known.
             start = place_of_failure(int(phase.status), None, float(phase.ts[0]), phase.initial)
-            return start.replace("The run", f"The phase {name!r}")
+            start = start.replace("The run", f"The phase {name!r}")
+            if int(phase.status) != Status.OUTSIDE_MODEL:
+                return start
+            states = whole[name]
+            return f"{cause_of_leaving(phase.system, states.ts, states.states)} {start}".strip()
     return ""
 
 

@@ -19,6 +19,8 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 from jaxtyping import Array, Int, PyTree
 
+from ..core import AbstractSystem
+from ..core.limits import beyond_of
 from ..core.status import SimulationError, Status, sentence_alone
 from ..integration.result import DenseOutput
 from .masking import mask_invalid, nan_unless, scaled
@@ -93,6 +95,60 @@ def place_of_failure(status: int, dense: DenseOutput | None, t0: float, y0: PyTr
         text = "Its shortest step is at"
     state = _numbers_of(jax.tree.map(lambda x: x[..., last], states))
     return f"{text} t = {ts[last]:.6g} s, with {state}."
+
+
+def cause_of_leaving(system: AbstractSystem, ts: Array, states: PyTree) -> str:
+    """The quantity that left the range of validity first, as a message; empty where the system
+    does not declare it.
+
+    **Arguments**
+
+    - `system`: of a single run.
+    - `ts`: times, s, (times,); those that are not finite are left out.
+    - `states`: the states there."""
+    known = np.isfinite(np.asarray(ts))
+    times = jnp.asarray(np.asarray(ts)[known])
+    times_first = jax.tree.map(lambda x: jnp.moveaxis(x[..., known], -1, 0), states)
+    flags = jax.vmap(lambda t, y: system.outside(t, y))(times, times_first)
+    if flags is None or not np.any(flags):
+        return ""
+    first = int(np.argmax(flags))
+    limits = system.limits(times[first], jax.tree.map(lambda x: x[first], times_first))
+    limit = beyond_of(limits)
+    return "" if limit is None else f"At t = {float(times[first]):.6g} s {limit.sentence()}."
+
+
+def cause_of_nan(system: AbstractSystem, dense: DenseOutput) -> str:
+    """The quantities whose rate is not finite at the last finite state of a run, as a message;
+    where every rate is finite, the quantity that changes fastest."""
+    ts, states = np.asarray(dense.ts), jax.tree.map(np.asarray, dense.states)
+    finite = np.isfinite(ts)
+    for x in jax.tree.leaves(states):
+        finite &= np.all(np.isfinite(x), axis=tuple(range(x.ndim - 1)))
+    if not finite.any():
+        return ""
+    last = int(np.flatnonzero(finite)[-1])
+    y = jax.tree.map(lambda x: jnp.asarray(x[..., last]), states)
+    rate = system.vector_field(jnp.asarray(ts[last]), y)
+    names = [
+        jax.tree_util.keystr(path).strip(".") or "y"
+        for path, _ in jax.tree_util.tree_flatten_with_path(y)[0]
+    ]
+    rates = [np.asarray(x) for x in jax.tree.leaves(rate)]
+    bad = [name for name, x in zip(names, rates, strict=True) if not np.all(np.isfinite(x))]
+    if bad:
+        return f"There the derivative of {', '.join(bad)} is not finite."
+    # The time in which each quantity changes by its own size is the shortest for the cause.
+    sizes = [float(np.max(np.abs(x))) for x in jax.tree.leaves(y)]
+    speeds = [
+        float(np.max(np.abs(x))) / size if size > 0.0 else 0.0
+        for x, size in zip(rates, sizes, strict=True)
+    ]
+    fastest = int(np.argmax(speeds))
+    return (
+        f"There {names[fastest]} changes fastest, by its size in "
+        f"{1.0 / max(speeds[fastest], 1e-300):.3g} s."
+    )
 
 
 def enough_steps(dense: DenseOutput, t0: float, t1: float, max_steps: int) -> str:

@@ -23,7 +23,7 @@ Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, 6.2.
 
 __all__ = ["MeanCovariance", "MeanRoot", "Uncertain", "UncertainRoot"]
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, final
 
 import equinox as eqx
@@ -32,6 +32,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from ..core import AbstractSystem, Flag, Scalar, State
+from ..core.limits import Limit
 from ..core.printing import printed
 from ._factors import Factors, factors_of
 from .coordinates import Coordinates
@@ -105,6 +106,9 @@ class Uncertain(AbstractSystem):
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         return self.system.breaks()
 
+    def limits(self, t: Scalar, y: MeanCovariance) -> Sequence[Limit]:
+        return self.system.limits(t, y.mean)
+
     def outside(self, t: Scalar, y: MeanCovariance) -> Flag | None:
         return self.system.outside(t, y.mean)
 
@@ -136,6 +140,9 @@ class UncertainRoot(AbstractSystem):
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         return self.system.breaks()
+
+    def limits(self, t: Scalar, y: MeanRoot) -> Sequence[Limit]:
+        return self.system.limits(t, y.mean)
 
     def outside(self, t: Scalar, y: MeanRoot) -> Flag | None:
         return self.system.outside(t, y.mean)

@@ -25,6 +25,7 @@ a dynamic pressure above 1 kPa has the status `OUTSIDE_MODEL`.
 """
 
 import math
+from collections.abc import Sequence
 from typing import ClassVar, final
 
 import equinox as eqx
@@ -32,8 +33,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Flag, InputError, NumberField, Scalar, State, quantity
+from ..core import InputError, NumberField, Scalar, State, quantity
 from ..core.checks import is_concrete
+from ..core.limits import Limit
 from ..core.shapes import with_rank
 from ..core.vectors import norm
 from ..rockets.servo import servo_rate
@@ -145,7 +147,7 @@ class MovableFins(AbstractEffect):
             parts_rate={self.PART: rate},
         )
 
-    def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag:
+    def limits(self, t: Scalar, y: BodyState, body: AbstractBody) -> Sequence[Limit]:
         del t
         angles = y.part(self.PART)
         air, moving = air_about(self.air).at(y.position)
@@ -157,9 +159,10 @@ class MovableFins(AbstractEffect):
         turned = angles if self.fins.cant is None else angles + self.fins.cant
         # Of the flow in the plane across the span.
         incidence = jnp.abs(turned - jnp.arctan2(across, w[2]))
-        stalled = jnp.any(incidence > STALL, axis=0)
+        largest = jnp.max(incidence, axis=0)
         speed = norm(w)
-        return stalled & (0.5 * air.density * speed * speed > MARKED_FROM)
+        dense = 0.5 * air.density * speed * speed > MARKED_FROM
+        return (Limit("the incidence of a fin", "rad", largest, high=STALL, where=dense),)
 
     def ground(self) -> Scalar | None:
         return None if self.air is None else self.air.radius

@@ -24,6 +24,7 @@ Atmosphere, 1976, Eq. 51 (viscosity). The flow is that at the centre of mass. A 
 is taken as one about the centre of mass.
 """
 
+from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
@@ -31,7 +32,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, Air, BodyState, Load
-from ..core import Flag, NumberField, OptionalNumberField, Scalar, Vector, output, quantity
+from ..core import NumberField, OptionalNumberField, Scalar, Vector, output, quantity
+from ..core.limits import Limit
 from ..core.safe import safe_atan2, safe_sqrt
 from ..core.vectors import norm
 from ._aerodynamics import centre_of, moments_of_slope
@@ -180,13 +182,14 @@ class TabulatedAerodynamics(AbstractEffect):
         forced = 0.0 * push if forcing is None else push * speed * forcing
         return forced if damping is None else forced + push * damping * rate
 
-    def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag:
+    def limits(self, t: Scalar, y: BodyState, body: AbstractBody) -> Sequence[Limit]:
         del t, body
         air, _, speed, angle = self._flow(y)
         reynolds = air.density * speed * self.table.length / viscosity(air.temperature)
-        beyond = self.table.outside(speed / air.sound_speed, angle, reynolds)
         # In thin air an end beyond the table has hardly a force, and no run must fail for it.
-        return beyond & (0.5 * air.density * speed * speed > self.marked_from)
+        dense = 0.5 * air.density * speed * speed > self.marked_from
+        ends = self.table.limits(speed / air.sound_speed, angle, reynolds)
+        return [limit._replace(where=dense) for limit in ends]
 
     @output("Pa")
     def dynamic_pressure(self, y: BodyState) -> Scalar:

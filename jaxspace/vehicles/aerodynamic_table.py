@@ -31,7 +31,7 @@ DATCOM User's Manual, AFRL-VA-WP-TR-1998-3009, 3 (signs and reference lengths).
 __all__ = ["AerodynamicTable", "read_aerodynamics"]
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import final
 
 import equinox as eqx
@@ -50,6 +50,7 @@ from ..core import (
     quantity,
 )
 from ..core.formula import POSITIVE, formula
+from ..core.limits import Limit, any_passed
 from ..core.types import as_float
 from ._aerodynamic_file import read_columns
 from ._coefficient_grid import AXES, AXIAL, on_grid
@@ -188,12 +189,22 @@ class AerodynamicTable(AbstractParameters):
     def outside(self, mach: Scalar, angle: Scalar, reynolds: Scalar = 1.0) -> Flag:
         """Whether a point is beyond the Mach numbers, the angles or the Reynolds numbers of the
         table, where coefficients are held. Slower than the least Mach number counts as inside."""
-        beyond = self._faster(self.mach, mach) | self._faster(self.angle, angle)
-        return beyond | self._faster(jnp.exp(self.reynolds), reynolds)
+        passed = any_passed(self.limits(mach, angle, reynolds))
+        return jnp.zeros(jnp.shape(mach), bool) if passed is None else passed
 
-    @staticmethod
-    def _faster(nodes: Array, x: Scalar) -> Flag:
-        return x > of_all_runs(nodes)[-1] if nodes.shape[0] > 1 else jnp.zeros(jnp.shape(x), bool)
+    def limits(self, mach: Scalar, angle: Scalar, reynolds: Scalar = 1.0) -> Sequence[Limit]:
+        """The largest Mach number, angle of attack, rad, and Reynolds number of the table, as far
+        as it depends on them."""
+        rows = [
+            ("the Mach number", "", self.mach, mach),
+            ("the angle of attack", "rad", self.angle, angle),
+            ("the Reynolds number", "", jnp.exp(self.reynolds), reynolds),
+        ]
+        return [
+            Limit(name, unit, x, high=of_all_runs(nodes)[-1])
+            for name, unit, nodes, x in rows
+            if nodes.shape[0] > 1
+        ]
 
 
 @formula(area=POSITIVE, length=POSITIVE)

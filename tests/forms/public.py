@@ -52,7 +52,7 @@ LEFT_OUT: dict[str, list[str]] = {
         optimization.named_optimiser
         mechanics.AbstractLagrangian.cyclic mechanics.degrees_of_freedom
         attitude.libration_is_stable attitude.lies_flat attitude.Nutation.loops
-        control.plan_step *.outside
+        control.plan_step *.outside *.limits *.check_values
         bodies.as_inertia orbits.steps_for orbits.transfer_status core.breaks_of core.within
         orbits.TransferStatus.sentence rotations.Quaternion.check_start gyros.BearingFriction.slips
     """.split(),
