@@ -40,6 +40,7 @@ from typing import final
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from ..bodies import BodyState
@@ -171,9 +172,10 @@ class RollingDisk(AbstractSystem):
         kind = precision_of(self, *given)
         a, a_dot, place = (as_float(x).astype(kind) for x in given)
         # In a batch only the run that lies flat is NaN.
-        if is_concrete(a) and a.ndim == 1 and abs(math.sin(float(a[1]))) < 1e-12:
+        theta = float(np.asarray(a)[1]) if is_concrete(a) and a.ndim == 1 else 1.0
+        if abs(math.sin(theta)) < 1e-12:
             raise InputError(
-                f"RollingDisk.state: theta, the second angle, is {float(a[1]):.6g} rad, where the "
+                f"RollingDisk.state: theta, the second angle, is {theta:.6g} rad, where the "
                 "disk lies flat: it must be above 0 and below pi, where the rim has one lowest "
                 "point."
             )

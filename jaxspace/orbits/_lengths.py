@@ -29,9 +29,10 @@ def warn_of_kilometres(name: str, distance: object, mu: Scalar, stacklevel: int)
 
     - `name`: of the distance, as the start of the message.
     - `stacklevel`: of the warning, from the caller."""
-    if not is_concrete(distance) or not is_concrete(mu) or np.ndim(mu) > 0:
+    single = is_concrete(distance) and np.ndim(distance) == 0
+    if not single or not is_concrete(mu) or np.ndim(mu) > 0:
         return
-    least = float(np.min(np.abs(np.asarray(distance))))
+    least = abs(float(np.asarray(distance)))
     for body, (known, radius) in KNOWN.items():
         # The centre itself is singular, and is reported as such.
         if abs(float(np.asarray(mu)) - known) < SAME * known and 0.0 < least < DEEP * radius:
@@ -44,7 +45,8 @@ def warn_of_kilometres(name: str, distance: object, mu: Scalar, stacklevel: int)
 
 
 def check_place(y: BodyState, mu: Scalar) -> None:
-    """Warn of a first state deep within the body with this `mu`, m^3/s^2."""
-    if is_concrete(y.position):
+    """Warn of a first state deep within the body with this `mu`, m^3/s^2, in a single run."""
+    # The states of a batch are not read, because that would wait for the device.
+    if is_concrete(y.position) and y.position.ndim == 1:
         distance = np.linalg.norm(np.asarray(y.position, float), axis=0)
         warn_of_kilometres("The distance of y0.position", distance, mu, stacklevel=6)

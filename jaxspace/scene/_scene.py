@@ -161,12 +161,7 @@ class Scene(AbstractScene):
         `Custom` effect whose energy is inconsistent with its load."""
         # In a batch such a run is marked, and the others go on.
         if y.mass is not None and y.mass.ndim == 0:
-            for limit in (*self._mass_limits(y), *self._burnout_limits(y.mass)):
-                if np.any(np.asarray(limit.passed())):
-                    raise InputError(
-                        f"y0.mass is below the mass without propellant: {limit.sentence()}. Start "
-                        "with the dry mass and the propellant."
-                    )
+            self._check_mass(float(y.mass))
         for effect in self.effects:
             # By its class: the method of an instance is a separate module, slow to create.
             type(effect).check_values(effect, t, y, self.body)
@@ -253,14 +248,20 @@ class Scene(AbstractScene):
         slack = max(1e-6, 1e3 * float(jnp.finfo(y.mass.dtype).eps))
         return (Limit("the mass of the body", "kg", y.mass, least, margin=slack * least),)
 
-    def _burnout_limits(self, mass: Scalar) -> Sequence[Limit]:
-        """The masses at which the motors burn out, for the start of a run."""
-        named = [(type(e).__name__, getattr(e, "burnout_mass", None)) for e in self.effects]
-        return [
-            Limit(f"the mass (limit: {name}.burnout_mass)", "kg", mass, least, margin=1e-6 * least)
-            for name, least in named
-            if least is not None and np.ndim(least) == 0
-        ]
+    def _check_mass(self, mass: float) -> None:
+        """Raise `InputError` for a first mass, kg, below that without propellant."""
+        burnouts = {type(e).__name__: getattr(e, "burnout_mass", None) for e in self.effects}
+        named = {f" (limit: {name}.burnout_mass)": least for name, least in burnouts.items()}
+        for name, least in {"": self.body.least_mass(), **named}.items():
+            if least is None or np.ndim(least) > 0:
+                continue
+            low = float(least)
+            limit = Limit(f"the mass of the body{name}", "kg", mass, low, margin=1e-6 * low)
+            if limit.passed():
+                raise InputError(
+                    f"y0.mass is below the mass without propellant: {limit.sentence()}. Start with "
+                    "the dry mass and the propellant."
+                )
 
     def warning(self, ts: Array, states: BodyState, undisturbed: bool) -> RunWarning | None:
         """The runs that pass below the surface defined by an effect (`AbstractEffect.ground`);

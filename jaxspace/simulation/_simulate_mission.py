@@ -1,6 +1,5 @@
 """`simulate_mission`: the phases of a mission in sequence, from an initial state."""
 
-import numpy as np
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import InputError
@@ -82,7 +81,7 @@ def simulate_mission(
     given = as_accuracy(accuracy)
     check_tolerances(given, None)
     if not is_traced((mission, y0, t0)):
-        check_values(mission.phases[0].system, np.asarray(t0)[None], y0)
+        check_values(mission.phases[0].moving, t0, y0)
 
     def run(configs: Configs) -> MissionTrajectory:
         return run_mission(mission, y0, t0, num_saved, configs, 0)

@@ -113,7 +113,7 @@ def check_values(system: AbstractSystem, ts: Array, y0: PyTree) -> None:
     if type(system).check_values is not AbstractSystem.check_values:
         # Indexed by NumPy, because JAX would compile the indexing; and by the class of the system,
         # because the method of an instance is a separate module, slow to create.
-        t = np.asarray(ts)[0]
+        t = np.atleast_1d(np.asarray(ts))[0]
         type(system).check_values(system, jnp.asarray(t) if t.ndim else float(t), y0)
 
 
