@@ -150,7 +150,7 @@ def test_explain_names_every_effect():
         ),
         (
             lambda: Scene((motor(), Custom(lambda t, y, b: None)), RigidBody(10.0, [1.0] * 3)),
-            "Custom.function returns NoneType: it must return a Load",
+            "Custom.function returns nothing: it must return a Load",
         ),
         (
             lambda: Scene((MovingMasses(lambda t: t * jnp.ones((3, 1)), [2.0]),)),
