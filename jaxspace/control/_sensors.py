@@ -89,7 +89,7 @@ class AbstractSensor(AbstractParameters):
 class Sensor(AbstractSensor):
     """Reads a part of the state, or any function (t, y) of it.
 
-    - `period`: time between two readings, s; that of the controller by default.
+    - `period`: time between two readings, s; by default the period of the controller.
 
     **Raises** `InputError` for a period that is not positive."""
 
@@ -154,7 +154,7 @@ class Sensor(AbstractSensor):
 class StarTracker(AbstractSensor):
     """Reads the attitude, turned by a small error about the axes of the body.
 
-    - `period`: time between two readings, s; that of the controller by default."""
+    - `period`: time between two readings, s; by default the period of the controller."""
 
     noise: Float[Array, "..."] = quantity(
         "rad", non_negative=True, default=0.0, doc="standard deviation about each axis"
