@@ -29,6 +29,7 @@ from jax.experimental.compilation_cache import compilation_cache
 from jax.extend.core import get_opaque_trace_state, set_current_trace
 from jaxtyping import PyTree
 
+from .processors import cores
 from .program_folder import ProgramFolder
 from .structure_key import LIBRARIES, NoKey, identified, key_of, with_leaves
 
@@ -351,8 +352,9 @@ def _environment() -> str:
     versions = [f"{name} {importlib.metadata.version(name)}" for name in LIBRARIES]
     flags = [f"{k}={x}" for k, x in sorted(os.environ.items()) if k.startswith(("XLA_", "LIBTPU"))]
     devices = [f"{d.platform} {d.device_kind} {d.id}" for d in jax.devices()]
-    python = [sys.version, str(sys.flags.optimize)]
-    return key_of([*versions, *flags, *devices, *python, _sources()])
+    # The compiler divides work by the number of cores.
+    process = [sys.version, str(sys.flags.optimize), str(cores())]
+    return key_of([*versions, *flags, *devices, *process, _sources()])
 
 
 def _sources() -> str:

@@ -166,10 +166,12 @@ class _Writer:
             self.name("module", type(x))
             self.items({k: value for k, value in vars(x).items() if k not in _WORDS})
         elif dataclasses.is_dataclass(x) and not isinstance(x, type):
-            # The other fields follow from those that are compared: programs within a process are
-            # reused by the same comparison.
+            # Other fields of a class of the package follow from those that are compared: programs
+            # within a process are reused by the same comparison.
             self.name("dataclass", type(x))
-            self.items({f.name: getattr(x, f.name) for f in dataclasses.fields(x) if f.compare})
+            own = _root(type(x).__module__) == OWN
+            fields = [f.name for f in dataclasses.fields(x) if f.compare or not own]
+            self.items({name: getattr(x, name) for name in fields})
         else:
             self.instance(x)
 
