@@ -24,18 +24,22 @@ from jaxspace.attitude.torque_free import space_cone_angle
 from jaxspace.bodies import BodyState, PadAtmosphere, PrincipalInertia, RigidBody
 from jaxspace.bodies.atmosphere import GAS_CONSTANT, GRAVITY, MOLAR_MASS
 from jaxspace.bodies.standard_atmosphere import geopotential_height
-from jaxspace.core import InputError, Scalar, State
+from jaxspace.core import InputError, Scalar, Spline, State
 from jaxspace.gyros import TwoGimbalGyro
 from jaxspace.gyros._earth import Earth
 from jaxspace.gyros.bearing import BearingFriction, RotorMotor
 from jaxspace.gyros.navigation_errors import coupled_rates
-from jaxspace.mechanics.variational import hanging_chain
+from jaxspace.mechanics import SimplePendulum
+from jaxspace.mechanics.beams import beam_roots, beam_shape
+from jaxspace.mechanics.variational import action, hanging_chain
+from jaxspace.orbits.central_force import power_law, sphere_gravity
 from jaxspace.orbits.kepler import kepler_flow
 from jaxspace.orbits.lambert import lambert
 from jaxspace.orbits.planets import synodic_period
 from jaxspace.orbits.point_gravity import point_gravity
 from jaxspace.orbits.radial_motion import radial_motion
-from jaxspace.rockets import SpinningRocket
+from jaxspace.rockets import GravityTurnState, SpinningRocket, Thrust, ThrustProfile
+from jaxspace.rockets.gravity_turn import gravity_turn_after
 from jaxspace.rotations import Quaternion
 
 RUBBING = TwoGimbalGyro(
@@ -202,24 +206,40 @@ def test_closed_forms_next_to_their_singular_places(name):
 
 # Where a search found more roundings than that: beside singular places, or where products left the
 # range of float32.
-PLACES = {
+TILTED = 1.0629281997680664, 1.0263546705245972, 1.0000139474868774, 1.0001505613327026
+UNSTABLE = 1.6274036169052124, 0.9999998807907104, 1.0102986097335815
+MOVING = 0.8015385866165161, 0.3, 10000.0107421875, 200.0, -50.0, 1.0, 0.4
+PLACES = [
     # The shadow falls along the position.
-    "shells": (0.3, 0.0, 0.0, 1.0, 1.0, 50.0, 0.0, 1.2e-35, 1e-6, 0.02),
+    ("shells", (0.3, 0.0, 0.0, 1.0, 1.0, 50.0, 0.0, 1.2e-35, 1e-6, 0.02)),
     # Next to the centre, in metres.
-    "third": (7e-6, 6e-18, -2e-18, 3e8, -8e-18, 4e-18, 4.9e12),
+    ("third", (7e-6, 6e-18, -2e-18, 3e8, -8e-18, 4e-18, 4.9e12)),
     # A top nearly without spin.
-    "turning_circles": (9.5e-26, 0.498, 2.0, 0.1),
+    ("turning_circles", (9.5e-26, 0.498, 2.0, 0.1)),
     # An impulse far below a rounding of the speed.
-    "impulse": (0.6, 0.985, 0.187, -0.738, 0.722, 0.146, 1e-9, -2e-9, 1e-9, 1.0),
+    ("impulse", (0.6, 0.985, 0.187, -0.738, 0.722, 0.146, 1e-9, -2e-9, 1e-9, 1.0)),
     # A turn through 0.01 rad.
-    "free_flight": (3.66385555, 1.99997759, 1.00000048, 0.0029, 0.00484, -0.00393, 1.7334),
-}
+    ("free_flight", (3.66385555, 1.99997759, 1.00000048, 0.0029, 0.00484, -0.00393, 1.7334)),
+    # Hardly any time.
+    ("turned_by_gravity", (-8.173e-31, 2.0, 9.81, 100.0, 0.2)),
+    # The slope of gravity along a meridian is small, those of its parts are not.
+    ("navigator", (*MOVING, 100.0, 200.0, 30.0, 0.1, 0.2, 0.3, 1e-4, 2e-4, 3e-4, 10.0)),
+    # A narrow cone; a tilt from the separatrix whose square underflows, and one from an axis.
+    ("principal_spins", (*TILTED, -5.57718e-06, 2.8189948e-05, 0.9998600482940674)),
+    ("principal_spins", (*UNSTABLE, 1.0, 4.90577e-27, 6.27426e-27, 1.0006606578826904)),
+    ("principal_spins", (3.0, 2.0, 1.5, 1.0, 0.9, 3e-27, -5e-27)),
+    ("polhode_period", (2.99998784, 2.01874995, 0.908459425, -1.9086e-29, 1.30294216, 2.1295e-29)),
+    ("polhode_period", (2.99989104, 2.0, 1.0, 0.0, 1.0, -1.12e-20)),
+    # A point that hardly moves in a slow rotation.
+    ("at_rest", (0.3166, -0.176, 0.7, 5.067e-19, 6.478e-20, 2.522e-19, 1.57e-10)),
+    ("at_rest", (0.3, -0.2, 0.7, 1.2e-24, 0.5e-24, 0.0, 2e-25)),
+]
 
 
-@pytest.mark.parametrize("name", PLACES)
-def test_closed_forms_at_places_found_by_the_search(name):
+@pytest.mark.parametrize(("name", "place"), PLACES, ids=[name for name, _ in PLACES])
+def test_closed_forms_at_places_found_by_the_search(name, place):
     (subject,) = single_hunt.subjects([name], places=1)
-    place = single_hunt.single_numbers([PLACES[name]])
+    place = single_hunt.single_numbers([place])
     found = single_hunt.judge(subject, place, np.random.default_rng(0))
     assert found.value < 30.0
     assert found.slope < 30.0
@@ -284,6 +304,68 @@ def test_a_circle_whose_squared_radius_underflows():
     expected = np.array([math.cos(1.0), math.sin(1.0), 0.0])
     np.testing.assert_allclose(place / 1e-20, expected, atol=1e-6)
     np.testing.assert_allclose(velocity[:2] / 1e10, [-expected[1], expected[0]], atol=1e-6)
+
+
+def test_a_gravity_turn_that_starts_next_to_the_vertical():
+    """The tangent of half its angle grows by a factor of 1e9; slopes for a share of each input."""
+    given = np.float32([9.9930735, 0.4521936, 9.9510708, 5.1595774, 1e-6])
+
+    def turn(x):
+        y = GravityTurnState(x[3], x[4], 0.0 * x[0], 0.0 * x[0])
+        return jnp.stack(jax.tree.leaves(gravity_turn_after(*x[:3], y)))
+
+    exact = jnp.asarray(given, jnp.float64)
+    np.testing.assert_allclose(turn(jnp.asarray(given)), turn(exact), rtol=1e-5)
+    expected = np.asarray(jax.jacfwd(turn)(exact)) * given
+    for mode in (jax.jacfwd, jax.jacrev):
+        slope = np.asarray(mode(turn)(jnp.asarray(given))) * given
+        most = np.max(np.abs(expected), axis=1, keepdims=True)
+        np.testing.assert_allclose(slope / most, expected / most, atol=1e-5)
+
+
+def test_a_thrust_just_before_its_ignition():
+    """The time over the burn time is zero in float32."""
+    before = jnp.asarray(-2e-38, jnp.float32)
+    for profile in (None, ThrustProfile([0.0, 1.0], [1.2, 0.8])):
+        motor = single(Thrust(*(jnp.asarray(x) for x in (2.5e4, 2800.0, 60.0)), profile))
+        assert motor.thrust(before, 900.0) == 0.0
+        assert motor.thrust(-before, 900.0) > 0.0
+
+
+def test_the_slope_of_a_steep_force_in_metres():
+    """da/dr = -n a/r, where r^-(n+3) is below the range of float32 in both factors."""
+    r = jnp.asarray([6.65e6, 0.0, 0.0], jnp.float32)
+    k, n = (jnp.asarray(x, jnp.float32) for x in (6e17, 3.4873979))
+    expected = -6e17 * 6.65e6 ** -float(n)
+    for mode in (jax.jacfwd, jax.jacrev):
+        slope = mode(power_law)(r, k, n)
+        np.testing.assert_allclose(slope[0, 0], -float(n) * expected / 6.65e6, rtol=1e-5)
+        np.testing.assert_allclose(slope[1, 1], expected / 6.65e6, rtol=1e-5)
+        by_exponent = mode(power_law, 2)(r, k, n)
+        np.testing.assert_allclose(by_exponent[0], -expected * math.log(6.65e6), rtol=1e-5)
+
+
+def test_the_slope_of_the_field_in_a_planet_by_its_radius_in_metres():
+    """da/dR = 3 mu r/R^4: the square of R^3 is infinite."""
+    r = jnp.asarray([6.65e6, 0.0, 0.0], jnp.float32)
+    mu, radius = (jnp.asarray(x, jnp.float32) for x in (3.986e14, 7e6))
+    for mode in (jax.jacfwd, jax.jacrev):
+        slope = mode(sphere_gravity, 2)(r, mu, radius)
+        np.testing.assert_allclose(slope[0], 3.0 * 3.986e14 * 6.65e6 / 7e6**4, rtol=1e-5)
+
+
+def test_constants_of_splines_beams_and_actions_keep_single_precision():
+    """Their own nodes and weights are numbers of NumPy or of solved equations."""
+    x, y = jnp.asarray(0.4, jnp.float32), jnp.zeros(4, jnp.float32)
+    root = float(beam_roots("clamped-free", 1, 0.6)[0])
+    swing = single(SimplePendulum(jnp.asarray(1.0), jnp.asarray(9.8)))
+    for function in (
+        lambda x, y: Spline([0.0, 1.0, 2.0, 3.0], y)(x),
+        lambda x, y: Spline([0.0, 1.0, 2.0, 3.0], [1.0, 0.0, 2.0, 1.0])(x),
+        lambda x, y: beam_shape("clamped-free", root, x, 0, 0.6),
+        lambda x, y: action(swing, lambda t: jnp.sin(t)[None] * x, 0.0, x),
+    ):
+        assert eqx.filter_eval_shape(function, x, y).dtype == jnp.float32
 
 
 # Kinds of the inputs of forms: length, speed, time, gravitational parameter, number.

@@ -736,7 +736,8 @@ def turned_by_gravity(x):
         return growth(n - 1, s) + z0**2 * growth(n + 1, s) - g * (1 + z0**2) / speed * time
 
     # The bounds of the library.
-    end = mpf(9) / 20 * mp.log(mpf(float(np.finfo(float).max))) / (abs(n) + 2)
+    weight = max(z0**2, mpf(float(np.finfo(float).tiny)))
+    end = min(64 * (1 + abs(late(mpf(0)))) * (1 + 1 / weight), mpf(2) ** 30)
     s = end if late(end) < 0 else -end if late(-end) > 0 else halved(late, -end, end)
     s = s if time else mpf(0)
     z, unit = z0 * mp.exp(s), speed**2 / (g * (1 + z0**2) ** 2)

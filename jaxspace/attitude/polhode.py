@@ -26,7 +26,7 @@ motion itself does.
 
 __all__ = ["Polhode"]
 
-from typing import final
+from typing import NamedTuple, final
 
 import jax.numpy as jnp
 import numpy as np
@@ -34,7 +34,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import Scalar, Vector, check
 from ..core.checks import is_concrete
-from ..core.elliptic import complete_elliptic
+from ..core.elliptic import complete_first
 from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.safe import safe_divide, safe_sqrt
@@ -48,7 +48,8 @@ from ..core.vectors import components, cross, dot, norm
 class Polhode(HashedModule):
     """The closed curve of omega in a free body.
 
-    - `rate`: N, 1/s; `modulus_squared`: k^2; `complement`: k'^2.
+    - `rate`: N, 1/s; `modulus_squared`: k^2; `complement`: k'^2; `complementary_modulus`: k', which
+      next to the separatrix is above zero in float32 where its square is not.
     - `about_least`: whether it circles the axis of least inertia, not the one of greatest.
     - `vertices`: two points of the polhode, rad/s, body axes, components not negative: where the
       intermediate component vanishes, and where the outer component of the axis not circled does.
@@ -59,6 +60,7 @@ class Polhode(HashedModule):
     rate: Float[Array, "*#runs"]
     modulus_squared: Float[Array, "*#runs"]
     complement: Float[Array, "*#runs"]
+    complementary_modulus: Float[Array, "*#runs"]
     about_least: Bool[Array, "*#runs"]
     vertices: tuple[Float[Array, "3 *#runs"], Float[Array, "3 *#runs"]]
     plane_distance: Float[Array, "*#runs"]
@@ -82,12 +84,12 @@ class Polhode(HashedModule):
         # The formulas take A > B > C; a body may name its axes in any order, run by run.
         order = jnp.argsort(-moments, axis=0)
         a, b, c = jnp.take_along_axis(moments, order, axis=0)
-        energies = jnp.take_along_axis(moments * omega * omega, order, axis=0)
-        below, above, middle = _differences((a, b, c), energies)
-        p, q = (b - c) * below, (a - b) * above
+        rates = jnp.take_along_axis(omega, order, axis=0)
+        below, above, middle = _differences((a, b, c), rates)
+        p, q = (b - c) * below.value, (a - b) * above.value
         # p - q = (a - c) middle, whose sign is exact next to the separatrix.
         most = jnp.maximum(p, q)
-        about_least = middle > 0.0
+        about_least = middle.scaled > 0.0
         two_t = dot(moments * omega, omega)
         h = norm(moments * omega)
         ends = _vertices((a, b, c), (below, above, middle), about_least)
@@ -96,10 +98,15 @@ class Polhode(HashedModule):
         # The inverse of a permutation is its argsort.
         back = jnp.argsort(order, axis=0)
         first, second = (jnp.take_along_axis(v, back, axis=0) for v in ends)
+        # The root of the complement, whose square underflows first.
+        root = safe_sqrt(safe_divide((a - c) * jnp.abs(middle.scaled), most)) / middle.factor
         return cls(
             rate=safe_sqrt(most / (a * b * c)) / factor,
             modulus_squared=safe_divide(jnp.minimum(p, q), most),
-            complement=jnp.where(most == 0.0, 1.0, safe_divide((a - c) * jnp.abs(middle), most)),
+            complement=jnp.where(
+                most == 0.0, 1.0, safe_divide((a - c) * jnp.abs(middle.value), most)
+            ),
+            complementary_modulus=jnp.where(most == 0.0, 1.0, root),
             about_least=about_least,
             vertices=(first / factor, second / factor),
             plane_distance=safe_divide(two_t, h) / factor,
@@ -111,9 +118,10 @@ class Polhode(HashedModule):
         """Time, s, in which omega returns in the body; infinite, with derivatives of zero, on the
         separatrix, about the intermediate axis and in a body with three equal moments."""
         # Of three equal moments the rate vanishes, on the separatrix the complement.
-        endless = (self.rate == 0.0) | (self.complement == 0.0)
-        rate, complement = (jnp.where(endless, 1.0, x) for x in (self.rate, self.complement))
-        return jnp.where(endless, jnp.inf, 4.0 * complete_elliptic(complement) / rate)
+        endless = (self.rate == 0.0) | (self.complementary_modulus == 0.0)
+        rate, k = (jnp.where(endless, 1.0, x) for x in (self.rate, self.complementary_modulus))
+        # K = R_F(0, k'^2, 1).
+        return jnp.where(endless, jnp.inf, 4.0 * complete_first(1.0 + k, k) / rate)
 
     @property
     @no_method
@@ -123,27 +131,47 @@ class Polhode(HashedModule):
         return self.herpolhode
 
 
-def _differences(
-    moments: tuple[Scalar, Scalar, Scalar], energies: Vector
-) -> tuple[Scalar, Scalar, Scalar]:
-    """2TA - h^2, h^2 - 2TC and 2TB - h^2 from I_i omega_i^2, in falling order of the moments."""
+class _Difference(NamedTuple):
+    """A sum of squares of two rates, times the squared `factor` that brings them to the size of
+    one: in float32 the squares of small rates are zero."""
+
+    scaled: Scalar
+    factor: Scalar | float
+
+    @property
+    def value(self) -> Scalar:
+        return self.scaled / self.factor / self.factor
+
+
+def _differences(moments: tuple[Scalar, Scalar, Scalar], rates: Vector) -> tuple[_Difference, ...]:
+    """2TA - h^2, h^2 - 2TC and 2TB - h^2, in falling order of the moments."""
     a, b, c = moments
-    below = (a - b) * energies[1] + (a - c) * energies[2]
-    above = (a - c) * energies[0] + (b - c) * energies[1]
-    return below, above, (b - c) * energies[2] - (a - b) * energies[0]
+    w_a, w_b, w_c = rates
+
+    def of(left: Scalar, w_left: Scalar, right: Scalar, w_right: Scalar) -> _Difference:
+        factor = unit_factor(w_left, w_right)
+        w_left, w_right = factor * w_left, factor * w_right
+        return _Difference(left * w_left * w_left + right * w_right * w_right, factor)
+
+    return (
+        of((a - b) * b, w_b, (a - c) * c, w_c),
+        of((a - c) * a, w_a, (b - c) * b, w_b),
+        of((b - c) * c, w_c, (b - a) * a, w_a),
+    )
 
 
 def _vertices(moments, differences, about_least) -> tuple[Vector, Vector]:
     """The polhode's points with omega_B = 0 and with omega_A = 0 (about the least axis) or omega_C
     = 0 (greatest), in the order of the moments."""
     (a, b, c), (below, above, middle) = moments, differences
-    zero = jnp.zeros_like(middle)
+    zero = jnp.zeros_like(a)
 
-    def rate(difference, moment, apart):
+    def rate(difference, moment, apart, sign=1.0):
         # Rounding may make a difference negative where the point is on an axis.
-        return safe_sqrt(safe_divide(jnp.maximum(difference, 0.0), moment * apart))
+        scaled = jnp.maximum(sign * difference.scaled, 0.0)
+        return safe_sqrt(safe_divide(scaled, moment * apart)) / difference.factor
 
     first = jnp.stack([rate(above, a, a - c), zero, rate(below, c, a - c)])
     least = jnp.stack([zero, rate(above, b, b - c), rate(middle, c, b - c)])
-    greatest = jnp.stack([rate(-middle, a, a - b), rate(below, b, a - b), zero])
+    greatest = jnp.stack([rate(middle, a, a - b, -1.0), rate(below, b, a - b), zero])
     return first, jnp.where(about_least, least, greatest)

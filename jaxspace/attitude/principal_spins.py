@@ -103,8 +103,8 @@ def cone_bounds(moments: Vector, omega: Vector) -> tuple[Vector, Vector]:
     # its greatest value at the vertices.
     h = [moments * vertex for vertex in Polhode.of(moments, omega).vertices]
     near, far = (_angles(v) for v in h)
-    # By the components, because angles next to a right one may be equal after rounding.
-    nearer = h[0] >= h[1]
+    # Angles next to a right one may be equal after rounding, and so may components of small angles.
+    nearer = jnp.where(near < 1.0, near <= far, h[0] >= h[1])
     least, greatest = jnp.where(nearer, near, far), jnp.where(nearer, far, near)
     # An axis that passes through the plane across h has a vertex there, with a component of zero.
     swings = (h[0] == 0.0) | (h[1] == 0.0)

@@ -109,6 +109,30 @@ def _difference_of_squares_rule(
 
 
 @jax.custom_jvp
+def power(x: Scalar, y: Scalar) -> Scalar:
+    """x^y of a quantity of any size above zero.
+
+    JAX's rule contains x^(y - 1), which leaves the range of float32 although its product with the
+    change of x does not. This one uses the power itself.
+
+    **Arguments**
+
+    - `x`, `y`: numbers, (*runs,)."""
+    return jnp.power(x, y)
+
+
+@functools.partial(power.defjvp, symbolic_zeros=True)
+def _power_rule(
+    primals: tuple[Scalar, Scalar], tangents: tuple[Scalar | SymbolicZero, Scalar | SymbolicZero]
+) -> tuple[Scalar, Scalar]:
+    (x, y), (dx, dy) = primals, tangents
+    p = power(x, y)
+    parts = [] if isinstance(dx, SymbolicZero) else [y * quotient(dx, x)]
+    parts += [] if isinstance(dy, SymbolicZero) else [jnp.log(x) * dy]
+    return p, p * functools.reduce(jnp.add, parts)
+
+
+@jax.custom_jvp
 def quotient(a: Scalar, b: Scalar) -> Scalar:
     """Quotient a / b of quantities of any size, such as the gravitational parameter of the sun.
 

@@ -37,7 +37,7 @@ from .field_types import check_types
 from .printing import printed
 from .shapes import with_rank
 from .structure import HashedModule
-from .types import Scalar, as_float
+from .types import Scalar, as_float, precision_of
 
 
 @takes_lists
@@ -204,7 +204,9 @@ class Spline(AbstractTable):
     def __call__(self, t: Scalar) -> Scalar:
         """The value at the time `t`, s, (*runs,)."""
         h, x, f = self._intervals(t)
-        bend = with_rank(self.curvatures, f.ndim - 1)
+        # A solution of equations forgets that it was made of Python numbers.
+        kind = precision_of(t, self.times, self.values)
+        bend = with_rank(self.curvatures, f.ndim - 1).astype(kind)
         slope = (f[1:] - f[:-1]) / h - h * (2.0 * bend[:-1] + bend[1:]) / 6.0
         cubic = (bend[1:] - bend[:-1]) / (6.0 * h)
         return f[0] + jnp.sum(x * (slope + x * (0.5 * bend[:-1] + x * cubic)), axis=0)
@@ -217,13 +219,14 @@ def _natural_curvatures(times: Array, values: Array) -> Array:
     rank = max(times.ndim, values.ndim) - 1
     times, values = with_rank(times, rank), with_rank(values, rank)
     h = times[1:] - times[:-1]
-    jumps = 6.0 * jnp.diff((values[1:] - values[:-1]) / h, axis=0)
+    kind = precision_of(times, values)
+    jumps = (6.0 * jnp.diff((values[1:] - values[:-1]) / h, axis=0)).astype(kind)
     inner = jumps.shape[0]
     if inner == 0:
         return jnp.zeros_like(values)
     rows = np.arange(inner)
     # Dense and not tridiagonal: a spline has few nodes, and is solved once, when it is made.
-    matrix = jnp.zeros((inner, inner, *h.shape[1:]), h.dtype)
+    matrix = jnp.zeros((inner, inner, *h.shape[1:]), kind)
     matrix = matrix.at[rows, rows].set(2.0 * (h[:-1] + h[1:]))
     matrix = matrix.at[rows[1:], rows[:-1]].set(h[1:-1])
     matrix = matrix.at[rows[:-1], rows[1:]].set(h[1:-1])

@@ -2,14 +2,17 @@
 
     N = a / w,  M = N (1 - e^2) / w^2,  w = sqrt(1 - e^2 sin^2(phi)),  e^2 = f (2 - f)
     p = (N + h) cos(phi),   z = (N (1 - e^2) + h) sin(phi)
-    G = -mu/r^3 [p (1 + k (1 - 5 z^2/r^2)), z (1 + k (3 - 5 z^2/r^2))],   k = 3/2 J_2 (a/r)^2
-    g = G + Omega^2 p outwards
+    r = (0, -N e^2 sin(phi) cos(phi), a w + h)                            in level axes
+    G = -mu/r^3 {[1 + k (1 - 5 z^2/r^2)] r + 2 k z e_z},   k = 3/2 J_2 (a/r)^2
+    g = G + Omega^2 p e_p
 
     symbol          meaning                                              unit
     phi, h          geodetic latitude, height above the ellipsoid        rad, m
     a, f, e         equatorial radius, flattening, eccentricity          m, 1, 1
     M, N            radii of curvature along the meridian and across it  m
     p, z            distance from the axis, height above the equator     m
+    r               position from the centre of the earth                m
+    e_p, e_z        directions of p and z                                1
     mu, J_2, Omega  gravitational parameter, second zonal, rate          m^3/s^2, 1, rad/s
     G, g            attraction; gravity, along which a plumb line hangs  m/s^2
 
@@ -49,17 +52,27 @@ class Earth(NamedTuple):
         polar = across * (1.0 - self.flattening) ** 2
         return (across + height) * jnp.cos(latitude), (polar + height) * jnp.sin(latitude)
 
+    def from_centre(self, latitude: Scalar, height: Scalar) -> tuple[Scalar, Scalar]:
+        """The components of the position to the north and upwards, m, in level axes."""
+        s, c = jnp.sin(latitude), jnp.cos(latitude)
+        e2 = self.flattening * (2.0 - self.flattening)
+        w2 = 1.0 - e2 * s * s
+        across = self.radius * inverse_sqrt(w2)
+        return -across * e2 * s * c, across * w2 + height
+
     def gravity(self, latitude: Scalar, height: Scalar) -> Vector:
         """Gravity, m/s^2, in level axes, (3, *runs)."""
         s, c = jnp.sin(latitude), jnp.cos(latitude)
-        p, z = self.from_axis(latitude, height)
-        r2 = p * p + z * z
+        # By p and z, the slopes along the meridian would be differences of those of large terms.
+        r_north, r_up = self.from_centre(latitude, height)
+        p, z = c * r_up - s * r_north, s * r_up + c * r_north
+        r2 = r_north * r_north + r_up * r_up
         fall = quotient(self.mu, r2 * jnp.sqrt(r2))
         oblate = 1.5 * self.j2 * self.radius**2 / r2
-        polar = 5.0 * z * z / r2
-        outwards = -fall * p * (1.0 + oblate * (1.0 - polar)) + self.rate**2 * p
-        along = -fall * z * (1.0 + oblate * (3.0 - polar))
-        north, up = c * along - s * outwards, c * outwards + s * along
+        central = fall * (1.0 + oblate * (1.0 - 5.0 * z * z / r2))
+        polar, outwards = 2.0 * fall * oblate * z, self.rate**2 * p
+        north = -central * r_north - c * polar - s * outwards
+        up = -central * r_up - s * polar + c * outwards
         # Nothing to the east: the field is the same all around the axis.
         return jnp.stack(jnp.broadcast_arrays(0.0 * up, north, up))
 

@@ -194,8 +194,8 @@ class InertialNavigator(AbstractSystem):
         """The linear error equations of 6.11 with the coefficients of the time `t`, s: exact to
         first order for a body with constant heading on a parallel of a sphere."""
         felt = self.felt(t)
-        p, z = self.earth.from_axis(felt.place.latitude, felt.place.height)
-        radius = sqrt(p * p + z * z)
+        north, up = self.earth.from_centre(felt.place.latitude, felt.place.height)
+        radius = sqrt(north * north + up * up)
         faults = (self.accelerometer_bias, self.gyro_drift)
         turn = Quaternion.identity() if self.gimballed else felt.attitude
         bias, drift = (turn.rotate(x) for x in faults)

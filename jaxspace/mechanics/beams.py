@@ -219,7 +219,7 @@ def _two_span_shape(ends: Ends, root: float, x: Scalar, derivative: int, support
     by_slope, by_moment = (slope_2, -slope), (moment_2, moment)
     shares = max(by_slope, by_moment, key=lambda pair: math.hypot(*pair))
     # The sign in which the first span starts upwards from its end.
-    shares = tuple(math.copysign(1.0, shares[0]) * share for share in shares)
+    shares = tuple(float(np.copysign(1.0, shares[0]) * share) for share in shares)
     nodes, weights = np.polynomial.legendre.leggauss(NODES + math.ceil(root))
     mean = sum(
         0.5

@@ -26,7 +26,7 @@ from ..core import Scalar
 from ..core.formula import POSITIVE, formula
 from ..core.special import stumpff_near
 from ..core.squares import quotient
-from ..core.types import as_float
+from ..core.types import as_float, precision_of
 from ._lagrangian import AbstractLagrangian
 
 NODES = 24
@@ -53,7 +53,8 @@ def action(
     """
     x, weights = np.polynomial.legendre.leggauss(NODES)
     edges = np.arange(pieces)[:, None]
-    share = jnp.asarray(((edges + 0.5 * (x + 1.0)) / pieces).reshape(-1))
+    kind = precision_of(system, start, end)
+    share = jnp.asarray(((edges + 0.5 * (x + 1.0)) / pieces).reshape(-1), kind)
     start, end = as_float(start), as_float(end)
 
     def of_time(t: Array) -> Array:
@@ -61,7 +62,9 @@ def action(
         return jnp.asarray(system.lagrangian(t, q, v))
 
     values = jax.vmap(of_time)(start + (end - start) * share)
-    return (end - start) * jnp.sum(jnp.tile(jnp.asarray(0.5 * weights / pieces), pieces) * values)
+    return (end - start) * jnp.sum(
+        jnp.tile(jnp.asarray(0.5 * weights / pieces, kind), pieces) * values
+    )
 
 
 @formula(span=POSITIVE, length=POSITIVE)

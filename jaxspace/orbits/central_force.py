@@ -40,6 +40,7 @@ from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.safe import phi1, safe_divide
+from ..core.squares import power, quotient
 from ..core.vectors import dot, norm, over_norm, scale
 
 KEEPS = frozenset({"energy", "angular_momentum", "axial_angular_momentum"})
@@ -58,11 +59,11 @@ def power_law(r: Vector, k: Scalar, n: Scalar) -> Vector:
     **Returns** the acceleration, m/s^2, (3, *runs).
     """
     square = dot(r, r)
-    power = -0.5 * (n + 1.0)
+    exponent = -0.5 * (n + 1.0)
     # At the centre the value alone, because the slope of the power would be 0 times infinity.
     centre = square == 0.0
-    at_centre = jax.lax.stop_gradient(jnp.power(jnp.zeros_like(square), power))
-    away = jnp.power(jnp.where(centre, 1.0, square), power)
+    at_centre = jax.lax.stop_gradient(jnp.power(jnp.zeros_like(square), exponent))
+    away = power(jnp.where(centre, 1.0, square), exponent)
     return scale(-k * jnp.where(centre, at_centre, away), r)
 
 
@@ -82,7 +83,7 @@ def power_law_potential(r: Scalar, k: Scalar, n: Scalar, zero_at: Scalar = 1.0) 
     # U has a removable singularity at n = 1: phi1(x) = (e^x - 1)/x is valid there with all its
     # derivatives. A zero at infinity would work for n > 1 only.
     logarithm = jnp.log(r / zero_at)
-    return k * jnp.power(zero_at, 1.0 - n) * logarithm * phi1((1.0 - n) * logarithm)
+    return k * power(zero_at, 1.0 - n) * logarithm * phi1((1.0 - n) * logarithm)
 
 
 @formula(radius=POSITIVE)
@@ -127,7 +128,8 @@ def sphere_gravity(r: Vector, mu: Scalar, radius: Scalar) -> Vector:
     - `r`, `mu`, `radius`: as in `shell_gravity`."""
     outside = dot(r, r) >= radius * radius
     far = jnp.where(outside, r, 1.0)
-    return scale(jnp.where(outside, over_norm(-mu, far, 3), -mu / radius**3), r)
+    inside = quotient(-mu, radius**3)
+    return scale(jnp.where(outside, over_norm(-mu, far, 3), inside), r)
 
 
 @formula(r=NOT_NEGATIVE, radius=POSITIVE)

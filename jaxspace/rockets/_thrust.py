@@ -219,12 +219,15 @@ class Thrust(AbstractEffect):
 
     def thrust(self, t: Scalar, mass: Scalar) -> Scalar:
         """The thrust in vacuum, N, at the time `t`, s, with the remaining `mass`, kg."""
-        x = (t - ignition_of(self)) / self.burn_time
+        ignition = ignition_of(self)
+        x = (t - ignition) / self.burn_time
+        # Not by x >= 0, because the quotient of a short time before the ignition rounds to zero.
+        burning = t >= ignition
         if self.profile is None:
             # Both ends count: a step that ends at the burnout still sees the motor burn.
-            level = jnp.where((x >= 0.0) & (x <= 1.0), 1.0, 0.0)
+            level = jnp.where(burning & (x <= 1.0), 1.0, 0.0)
         else:
-            level = self.profile.at(x)
+            level = jnp.where(burning, self.profile.at(x), 0.0)
         thrust = self.mean_thrust * level
         if self.throttle is not None:
             thrust = self.throttle * thrust

@@ -29,6 +29,7 @@ mass leaves, and drag.
 
 __all__ = ["gravity_turn", "gravity_turn_after"]
 
+import math
 from typing import final
 
 import equinox as eqx
@@ -113,9 +114,11 @@ def gravity_turn_after(
     z0 = jnp.tan(0.5 * as_float(y.angle))
     scaled = gravity * (1.0 + z0 * z0) / y.speed * time
     n = as_float(thrust_ratio)
-    # The powers of the state stay within the range of the numbers.
-    largest = 0.45 * jnp.log(jnp.finfo(scaled.dtype).max)
-    end = largest / (jnp.abs(n) + 2.0) + 0.0 * scaled
+    # Beyond the root, which is large where a vertical path has a constant speed, n = 1, or where an
+    # angle next to the vertical has to grow.
+    least = jnp.finfo(scaled.dtype).tiny
+    end = 64.0 * (1.0 + jnp.abs(scaled)) * (1.0 + 1.0 / jnp.maximum(z0 * z0, least))
+    end = jnp.minimum(end, 2.0**30) + 0.0 * n
     s = increasing_root(lambda s: _elapsed(s, n, z0) - scaled, -end, end)
     return _state(_short(s, scaled, end, n, z0), n, gravity, y)
 
@@ -123,53 +126,66 @@ def gravity_turn_after(
 def _short(s: Scalar, scaled: Scalar, end: Scalar, n: Scalar, z0: Scalar) -> Scalar:
     """The root `s`, of which halvings leave no digits after a short time: by steps of Newton, which
     give it its derivatives, too; zero after no time."""
-    s = jax.lax.stop_gradient(s)
+    straight = scaled / (1.0 + z0 * z0)
+    # In float32 a step gains seven digits at most.
+    s = jax.lax.stop_gradient(jnp.where(jnp.abs(straight) < 1e-8, straight, s))
+    # At an end of the range the speed has ended, and nothing follows the time.
+    inside = jnp.abs(s) < 0.999 * end
     # Each step doubles the order of the derivatives that are right.
     for _ in range(2):
         value, slope = jax.jvp(lambda s: _elapsed(s, n, z0) - scaled, (s,), (jnp.ones_like(s),))
-        # Not at an end of the range, where the speed has ended and nothing follows the time.
-        near = jnp.abs(value) < 1e-12 * end * slope
+        near = inside & (slope > 0.0)
         s = s - jnp.where(near, value, 0.0) / jnp.where(near, slope, 1.0)
     return s - jax.lax.stop_gradient(jnp.where(scaled == 0.0, s, 0.0))
 
 
+def _bounded_exp(x: Scalar) -> Scalar:
+    """e^x, which far from the root remains finite."""
+    return jnp.exp(jnp.minimum(x, 0.95 * math.log(jnp.finfo(x.dtype).max)))
+
+
+def _exp_times(z0: Scalar, x: Scalar) -> Scalar:
+    """z_0 e^x of a start next to the vertical, where e^x itself may leave the range."""
+    half = _bounded_exp(0.5 * x)
+    return z0 * half * half
+
+
 def _growth(a: Scalar, s: Scalar) -> Scalar:
     """(e^(a s) - 1)/a, and s at a = 0."""
-    return s * phi1(a * s)
+    power = a * s
+    grows = power > 0.0
+    return s * jnp.where(grows, _bounded_exp(power), 1.0) * phi1(jnp.where(grows, -power, power))
 
 
 def _weighted(k: int, a: Scalar, s: Scalar, z0: Scalar) -> Scalar:
-    """z_0^k (e^(a s) - 1)/a without e^(a s), which leaves the range of float32 after a start next
-    to the vertical although the product does not."""
+    """z_0^k (e^(a s) - 1)/a without e^(a s), as in `_exp_times`."""
     power = a * s
     grows = power > 0.0
-    # z_0^k e^(a s) = z^k e^((a - k) s).
-    weight = jnp.where(
-        grows,
-        (z0 * jnp.exp(s)) ** k * jnp.exp(jnp.where(grows, a - k, 0.0) * s),
-        z0**k,
-    )
+    weight = jnp.where(grows, _exp_times(z0, jnp.where(grows, power, 0.0) / k), z0) ** k
     return s * weight * phi1(jnp.where(grows, -power, power))
 
 
 def _elapsed(s: Scalar, n: Scalar, z0: Scalar) -> Scalar:
     """The time in units of v_0/(g (1 + z_0^2))."""
-    return _growth(n - 1.0, s) + z0 * z0 * _growth(n + 1.0, s)
+    return _growth(n - 1.0, s) + _weighted(2, n + 1.0, s, z0)
 
 
 def _state(s: Scalar, n: Scalar, gravity: Scalar, y: GravityTurnState) -> GravityTurnState:
     """The state at s = ln(z/z_0), from the state `y` at s = 0."""
     z0 = jnp.tan(0.5 * as_float(y.angle))
-    z = z0 * jnp.exp(s)
     w = 1.0 + z0 * z0
     unit = y.speed * y.speed / (gravity * w * w)
-    across = _growth(2.0 * n - 1.0, s) + _weighted(2, 2.0 * n + 1.0, s, z0)
+    across = _weighted(1, 2.0 * n - 1.0, s, z0) + _weighted(3, 2.0 * n + 1.0, s, z0)
     up = _growth(2.0 * n - 2.0, s) - _weighted(4, 2.0 * n + 2.0, s, z0)
+    faster = _bounded_exp((n - 1.0) * s) + _exp_times(z0, 0.5 * (n + 1.0) * s) ** 2
+    # By the difference of the two angles, z - z_0, which is accurate over a short time.
+    short = jnp.abs(s) < 1.0
+    z = _exp_times(z0, s)
+    turned = jnp.where(short, z0 * jnp.expm1(jnp.where(short, s, 0.0)), z - z0)
     return GravityTurnState(
-        speed=y.speed * jnp.exp((n - 1.0) * s) * (1.0 + z * z) / w,
-        # By the difference of the two angles, which is accurate over a short time.
-        angle=y.angle + 2.0 * jnp.arctan2(z0 * jnp.expm1(s), 1.0 + z0 * z),
-        range=y.range + 2.0 * unit * z0 * across,
+        speed=y.speed * faster / w,
+        angle=y.angle + 2.0 * jnp.arctan2(turned, 1.0 + z0 * z),
+        range=y.range + 2.0 * unit * across,
         height=y.height + unit * up,
     )
 

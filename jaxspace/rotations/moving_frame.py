@@ -28,6 +28,7 @@ from ..core.formula import formula
 from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.square_roots import sqrt
+from ..core.squares import unit_factor
 from ..core.structure import HashedModule
 from ..core.vectors import cross, dot, norm
 from ._quaternion import Quaternion
@@ -102,7 +103,10 @@ def instantaneous_centre(r: Vector, v: Vector, omega: Vector) -> Vector:
     **Returns** the instantaneous centre, m, (3, *runs) (Thomson 3.3-1): in space, the nearest point
     to `r` on the axis of the instantaneous screw. NaN for a body that does not turn: it has none.
     """
-    return r + cross(omega, v) / dot(omega, omega)
+    # In float32 the square of a slow rate is zero.
+    factor = unit_factor(*omega)
+    scaled = factor * omega
+    return r + factor * (cross(scaled, v) / dot(scaled, scaled))
 
 
 @formula

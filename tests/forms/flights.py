@@ -16,7 +16,7 @@ from .mechanics import numbers
 
 def steering(x):
     """Pitch by a polynomial, a table and tangents at a time; directions from a state."""
-    plane = k.steering.FlightPlane(up=jnp.array([0.0, 0.0, 1.0]))
+    plane = k.steering.FlightPlane(up=[0.0, 0.0, 1.0])
     laws = (
         k.steering.PitchPolynomial(x[:3], x[3], plane),
         k.steering.PitchTable([0.0, 1.0, 3.0], x[:3], plane),
@@ -105,7 +105,7 @@ def stages(x):
 
 def attitude_laws(x):
     """The error of an attitude, and the torque against it: attitude and rate."""
-    target = jnp.array([0.6, -0.3, 0.7, 0.2])
+    target = jnp.array([0.6, -0.3, 0.7, 0.2], x.dtype)
     return (c.attitude_laws.error_vector(Quaternion(x[:4]), target),)
 
 

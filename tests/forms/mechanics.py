@@ -177,7 +177,7 @@ def missile(x):
     """Frequencies, matrices, shapes and accelerations of a flexible missile: 8 numbers, place,
     state of 5, command."""
     one = m.FlexibleMissile(*x[:5], thrust=x[5], actuator_stiffness=x[6], modes=2)
-    zero = jnp.zeros(2) + 0.0 * x[0]
+    zero = 0.0 * x[:2]
     y = m.MissileState(x[8], x[9:11], x[11], x[12], zero, x[13])
     found = one.accelerations(y, x[14], 0.1 * x[14], x[7])
     engine = numbers(*one.engine.values(), one.lever, one.inertia, found[1])

@@ -88,7 +88,7 @@ def gyros(x):
         [[0.0, 1.0], [0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]],
         x[2:4], x[:2], 0.0 * x[:2],
     )  # fmt: skip
-    axes = jnp.array([[1.0, 0.0, 0.6], [0.0, 1.0, 0.6], [0.0, 0.2, 0.5]])
+    axes = jnp.array([[1.0, 0.0, 0.6], [0.0, 1.0, 0.6], [0.0, 0.2, 0.5]], x.dtype)
     control = a.motors.PointingControl([0.6, -0.3, 0.7, 0.2], x[4], x[5])
     y = BodyState(attitude=Quaternion(x[6:10]), omega=x[10:13])
     constant = a.motors.ConstantTorque([0.1, 0.2, 0.3]).torque(0.0, y, axes, x[10:13])
@@ -103,13 +103,14 @@ def gyros(x):
 def limited_wheels(x):
     """Limited torques and speeds of wheels: speeds, attitude, rate and torque limit."""
     control = a.motors.PointingControl([0.6, -0.3, 0.7, 0.2], 2.0, 30.0)
+    axes = jnp.eye(3, dtype=x.dtype)
     one = a.ReactionWheels(
-        jnp.eye(3), [0.4, 0.5, 0.3], x[:3], torque_limit=x[10], speed_limit=49.0, motor=control
+        axes, [0.4, 0.5, 0.3], x[:3], torque_limit=x[10], speed_limit=49.0, motor=control
     )
     y = BodyState(attitude=Quaternion(x[3:7]), omega=x[7:10])
     body = RigidBody(200.0, [40.0, 50.0, 60.0])
     y = y.__class__(attitude=y.attitude, omega=y.omega, parts=one.start(y, body))
-    return one.limited(0.0, y, jnp.eye(3), x[:3]), one.speeds(y)
+    return one.limited(0.0, y, axes, x[:3]), one.speeds(y)
 
 
 def damper(x):
@@ -138,7 +139,7 @@ def forced(x):
     """Torque, bearings and bank: moments, omega, its rate, mass, centre, speed, radius, gravity."""
     inertia = PrincipalInertia(x[:3])
     torque = a.forced_rotation.required_torque(inertia, x[3:6], x[6:9])
-    shaft = jnp.array([0.1, 0.2, 1.0])
+    shaft = jnp.array([0.1, 0.2, 1.0], x.dtype)
     held = a.forced_rotation.bearing_reactions(
         inertia, x[9], x[10:13], shaft, (-0.5, 0.7), x[5], x[8]
     )

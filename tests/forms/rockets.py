@@ -28,7 +28,7 @@ def efficiency(x):
 
 def burning_motor(x):
     """Thrust and mass rate from mean thrust, exhaust velocity, burn time, time and mass."""
-    profile = ThrustProfile(jnp.asarray([0.0, 0.1, 0.6, 1.0]), jnp.asarray([0.0, 1.2, 1.1, 0.825]))
+    profile = ThrustProfile([0.0, 0.1, 0.6, 1.0], [0.0, 1.2, 1.1, 0.825])
     motor = Thrust(x[0], x[1], x[2], profile)
     return motor.thrust(x[3], x[4])[None], motor.mass_rate(x[3], x[4])[None], motor.burnout()[None]
 

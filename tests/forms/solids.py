@@ -92,10 +92,8 @@ def moving(x):
 
 def at_rest(x):
     """The instantaneous centre from position, velocity and rate about z."""
-    flat = jnp.array([1.0, 1.0, 0.0])
-    return r.moving_frame.instantaneous_centre(
-        x[:3], x[3:6] * flat, x[6] * jnp.array([0.0, 0.0, 1.0])
-    )
+    flat, up = jnp.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]], x.dtype)
+    return r.moving_frame.instantaneous_centre(x[:3], x[3:6] * flat, x[6] * up)
 
 
 def along_the_path(x):

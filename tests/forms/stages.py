@@ -55,11 +55,13 @@ def swivelled(x):
     mass, attitude, rate and direction."""
     gimbal = k.Gimbal(k.steering.FixedDirection(x[15:18]), *x[3:6])
     engine = k.GimballedThrust.of_propellant(gimbal, *x[:3], -2.0, burnout_mass=0.5 * x[0])
-    place = jnp.zeros(3) + 0.0 * x[0]
+    place = 0.0 * x[:3]
     y = BodyState(place, place, Quaternion(x[8:12]), x[12:15], x[7])
     same = k.GimballedThrust.of_thrust(engine.motor(), gimbal, -2.0)
     burning = engine.burnout(), engine.motor().thrust(x[6], x[7]), same.motor().mass_rate(*x[6:8])
-    return jnp.stack(gimbal.tangents(x[6], y)), *numbers(*burning, engine.propellant_left(y))
+    # Without the margin of the event, which is in units in the last place of the precision.
+    left = engine.propellant_left(y) + 2048.0 * jnp.finfo(x.dtype).eps * x[0]
+    return jnp.stack(gimbal.tangents(x[6], y)), *numbers(*burning, left)
 
 
 def pressures(x):

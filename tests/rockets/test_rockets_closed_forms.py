@@ -491,3 +491,14 @@ def test_a_gravity_turn_of_a_short_time_keeps_the_digits_of_its_way():
     rates = [100.0 * np.sin(0.2), 100.0 * np.cos(0.2), 9.8 * (1.5 - np.cos(0.2))]
     np.testing.assert_allclose(change(0.0, psi, 1.5)[:3], rates, rtol=1e-14)
     np.testing.assert_allclose(change(1e3, jnp.asarray(0.0), 0.2), 0.0, atol=1e-20)
+
+
+@pytest.mark.parametrize("ratio", [0.99, 1.0, 1.001])
+def test_a_long_vertical_flight_with_hardly_any_acceleration(ratio):
+    """v = v_0 + (n - 1) g t and y = v_0 t + (n - 1) g t^2/2, after 900 s of the 1000 s in which the
+    first one stops."""
+    t, g, v0 = 900.0, 9.8, 98.0
+    v, psi, x, y = after(*numbers(t, ratio, g, v0, 0.0))
+    gained = (ratio - 1.0) * g * t
+    np.testing.assert_allclose([v, y], [v0 + gained, v0 * t + 0.5 * gained * t], rtol=1e-12)
+    assert psi == x == 0.0
