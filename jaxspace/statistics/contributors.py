@@ -86,10 +86,8 @@ def contributors(
     squares = z**2 - 1.0 - np.mean(z**3, axis=1, keepdims=True) * z
     u = _standard(y)
     regressors = np.concatenate([z, squares])
-    # By the normal equations: the regressors are all but orthonormal, so that nothing is lost, and
-    # a decomposition of all runs would take ten times as long.
     products = regressors @ u
-    coefficients = np.linalg.lstsq(regressors @ regressors.T, products, rcond=None)[0]
+    coefficients = _coefficients(regressors, u)
     r_squared = 1.0 - float(np.mean((u - coefficients @ regressors) ** 2))
     if not _significant(r_squared, 2 * len(columns), y.size):
         return Contributors(output, {}, r_squared)
@@ -104,6 +102,16 @@ def contributors(
     }
     order = sorted(shares.items(), key=lambda pair: -pair[1])
     return Contributors(output, dict(order), r_squared)
+
+
+def _coefficients(regressors: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """The coefficients of a least-squares fit of `u` by the `regressors`, (terms, runs): those of
+    least squares among them, where regressors depend on each other exactly."""
+    # Products of the regressors would lose the digits of inputs that differ by less than the root
+    # of the rounding. The triangular factor of all runs is small, and keeps them.
+    factor = np.linalg.qr(np.concatenate([regressors, u[None]]).T, mode="r")
+    least = np.finfo(float).eps * max(regressors.shape)
+    return np.linalg.lstsq(factor[:-1, :-1], factor[:-1, -1], rcond=least)[0]
 
 
 def dependent_groups(regressors: np.ndarray) -> list[np.ndarray]:
