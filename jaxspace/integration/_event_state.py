@@ -35,6 +35,15 @@ from .normalised_time import Segments, StepTimes
 # Most repetitions of a step until its end is at the event. Three reach rounding where the condition
 # is smooth; elsewhere the best result so far is used.
 REPETITIONS = 12
+# Fraction of the time before a step, and of a segment, and the least one of a segment.
+RESTING, LEAST_RESTING = 1e-8, 5e-10
+# Fraction of the time before a step, for any length of the segment.
+SHORT_STEP = 1e-6
+
+
+def resting(s: Float[Array, "*#runs"]) -> Float[Array, "*#runs"]:
+    """The length of a step from `s` below which its tangents may rest, in normalised time."""
+    return jnp.clip(RESTING * s, LEAST_RESTING, RESTING)
 
 
 @final
@@ -97,9 +106,24 @@ class EventState(NamedTuple):
         return jax.tree.map(lambda a, b: jnp.where(self.waiting, a, b), self.y, y)
 
     @property
+    def met(self) -> Bool[Array, "*runs"]:
+        """Whether each run waits at an event."""
+        return self.waiting & (self.which >= 0)
+
+    @property
+    def rests(self) -> Bool[Array, "*runs"]:
+        """Whether the tangents of each run rest from the start of the step that holds its event.
+
+        No step is as short unless it resolves the tangents of a vector field whose slope is
+        infinite at the event (`_sensitivity_control`), which the stages of the step must not meet."""
+        return self.met & (self.whole <= jnp.minimum(resting(self.start), SHORT_STEP * self.start))
+
+    @property
     def ends(self) -> Float[Array, "*runs"]:
-        """The normalised time at which each run waits, or infinity."""
-        return jnp.where(self.waiting, self.start + self.length, jnp.inf)
+        """The normalised time up to which the tangents of each run that waits are integrated;
+        infinite for the other runs."""
+        length = jnp.where(self.rests, 0.0, self.length)
+        return jnp.where(self.waiting, self.start + length, jnp.inf)
 
     def located(self, segments: Segments | StepTimes, t0: Scalar, t1: Scalar) -> "LocatedEvents":
         """The events in the time of runs from `t0` to `t1`, s."""
@@ -115,6 +139,7 @@ class EventState(NamedTuple):
             self.sizes,
             self.y,
             (segments.time(self.start), self.y0),
+            rests=self.rests,
         )
 
     @classmethod
@@ -154,8 +179,8 @@ class LocatedEvents(NamedTuple):
       largest value of its condition.
     - `state`: the state at its time, if the search has integrated to it.
     - `step_start`: time, s, and state at which the step with the event begins, if steps were
-      searched; otherwise `times` and `spacings`: of the first zero of each condition, and between
-      its samples, s."""
+      searched, and `rests`: whether the derivatives are those of a run to this place; otherwise
+      `times` and `spacings`: of the first zero of each condition, and between its samples, s."""
 
     time: Scalar
     which: Int[Array, "*runs"]
@@ -167,6 +192,28 @@ class LocatedEvents(NamedTuple):
     step_start: tuple[Scalar, State] | None = None
     times: Float[Array, "events *#runs"] | None = None
     spacings: Float[Array, "events *#runs"] | None = None
+    rests: Bool[Array, "*runs"] | None = None
+
+    def differentiated(
+        self, y: State, correct: Callable[[Scalar, State], tuple[Scalar, State]]
+    ) -> tuple[Scalar, State]:
+        """Time and state of the event with the derivatives of `correct(time, state)`, which adds
+        those of the event to those of a run to a fixed time, whose last state is `y`."""
+        if self.step_start is None or self.rests is None:
+            return correct(self.time, y)
+        fixed = jax.lax.stop_gradient
+
+        def moved(a: Array, b: Array) -> Array:
+            return fixed(a) + (b - fixed(b))
+
+        t_start, y_start = self.step_start
+        rests = self.rests
+        t = jnp.where(rests, t_start, self.time)
+        at = jax.tree.map(lambda a, b: jnp.where(rests, moved(a, b), b), y_start, y)
+        time, state = correct(t, at)
+        return jax.tree.map(
+            lambda a, b: jnp.where(rests, moved(a, b), b), (self.time, y), (time, state)
+        )
 
     def met(self, y: State) -> State:
         """The state `y` of a second run to the event, with the numbers that the search met there.

@@ -17,7 +17,7 @@ from ._buffers import Buffers
 from ._event_state import EventState, SearchedStep, located
 from ._loop_settings import LoopSettings
 from ._loop_state import LoopState
-from ._sensitivity_control import SensitivityControl
+from ._sensitivity_control import SHORTER, SensitivityControl
 from ._step_zero import StepCondition
 from ._tangents import StepTaken, TangentState
 from ._trial_step import TrialStep, carried_on, error_order, trial_step
@@ -34,7 +34,7 @@ def advance(
     """The loop after one more iteration; `control` by tangents, if any."""
     going = loop.going
     step = trial_step(settings, field, loop)
-    tangents, error = _with_tangents(field, control, loop, step)
+    tangents, error, at_event = _with_tangents(field, control, loop, step)
     following = _following(settings, loop, _shared_error(settings, error, going))
     accept = following.accept & going
     stop = _at_events(settings, field, loop, step, accept)
@@ -48,7 +48,7 @@ def advance(
         t_next=t_next,
         y=y,
         carried=carried_on(settings, loop, step, accept, t_next - t),
-        worst=jnp.where(stop.counts, jnp.maximum(loop.worst, error), loop.worst),
+        worst=jnp.maximum(loop.worst, jnp.where(stop.counts, error, at_event)),
         control=jax.tree.map(lambda a, b: jnp.where(going, a, b), following.state, loop.control),
         jumped=jnp.where(accept, following.jumped, loop.jumped),
         accepted=jnp.where(accept, loop.accepted + 1, loop.accepted),
@@ -65,16 +65,31 @@ def advance(
 
 def _with_tangents(
     field: ScaledField, control: SensitivityControl | None, loop: LoopState, step: TrialStep
-) -> tuple[TangentState | None, Float[Array, "*runs"]]:
-    """The tangents after this step, and its error or theirs, the larger one."""
+) -> tuple[TangentState | None, Float[Array, "*runs"], Float[Array, "*runs"]]:
+    """The tangents after this step, its error or theirs, the larger one, and theirs at an event."""
+    none = jnp.zeros_like(step.error)
     if control is None:
-        return loop.tangents, step.error
+        return loop.tangents, step.error, none
     assert loop.tangents is not None
     number = loop.accepted + loop.rejected
     begin = step.begin
-    taken = StepTaken(begin.s, begin.length, begin.y0, step.y1, step.error, number)
-    tangents, of_tangents = control.monitor(field, taken, loop.going, loop.tangents)
-    return tangents, jnp.maximum(step.error, of_tangents)
+    retried = loop.control.rejected
+    taken = StepTaken(begin.s, begin.length, begin.y0, step.y1, step.error, number, retried)
+    before, location = loop.tangents, loop.event_state
+    at_event = none > 0.0
+    if location is not None:
+        # The steps that end at the events are monitored in one pass, the last one, and only if they
+        # are short, which most are not.
+        whole = jnp.abs(field.duration(location.start, location.whole))
+        known = before.ended | location.met & ~before.controlled & (
+            whole >= SHORTER * before.longest
+        )
+        here = location.met & ~known & ~jnp.any(loop.going | location.again)
+        at_event = here & ~location.rests
+        before = before._replace(ended=known | here)
+    tangents, of_tangents = control.monitor(field, taken, loop.going, at_event, before)
+    error = jnp.maximum(step.error, of_tangents)
+    return tangents, error, jnp.where(at_event, of_tangents, none)
 
 
 def _outside(

@@ -64,9 +64,15 @@ class LoopState(NamedTuple):
         return self._replace(going=going, jumped=self.jumped & going)
 
     def unfinished(self) -> Bool[Array, ""]:
-        """Whether a run makes a further step, or repeats the one that contains its event."""
+        """Whether a run makes a further step, or repeats the one that contains its event: up to the
+        event, and once more for its tangents."""
         going = jnp.any(self.going)
-        return going if self.event_state is None else going | jnp.any(self.event_state.again)
+        if self.event_state is None:
+            return going
+        going = going | jnp.any(self.event_state.again)
+        if self.tangents is None:
+            return going
+        return going | jnp.any(self.event_state.met & ~self.tangents.ended)
 
     def short(self, settings: LoopSettings) -> Bool[Array, "*runs"]:
         """The runs that reached the maximum number of steps."""

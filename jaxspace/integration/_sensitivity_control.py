@@ -18,7 +18,17 @@ size or more. Between these steps the tangents rest. The run is repeated with th
 control of every step where
 
 - the error of a tangent is more than `TRIGGER` times the allowed one, or `MOST_ERROR` of its size;
-- a step was longer than those known to be resolved. An unknown error is not an error of zero.
+- a step was longer than those known to be resolved. An unknown error is not an error of zero;
+- the vector field is so steep that the tangents have much larger errors than the motion.
+
+The slope of a continuous vector field may be infinite, as that of sqrt|x| at zero. A step there
+whose error e is small for the motion has an error of about e^(1/3) for the tangents, where a kink
+leaves e^(1/2). Also monitored are therefore short steps: after a rejection, at the start of the run
+or at the end of a segment, and those that are shortened to end at an event, without step control.
+If the slope is infinite at the event itself, where the last stages of that step are evaluated, the
+second run approaches the event until its steps are as short as `resting`, and the derivatives are
+those of the event as seen from the start of the last step. Elsewhere the steps are shortened as far
+as possible, and the run has missed the tolerance if its tangents are still not resolved.
 
 A step limited by the motion is not sufficient evidence: at an equilibrium that is inexact due to
 rounding, it is the growth of a rounding error that limits the steps once it is as large as the
@@ -37,6 +47,7 @@ from jaxtyping import Array, Bool, Float
 from ..solvers.protocol import bind, forward_mode, linear_errors, rolled_stages
 from ..solvers.tolerances import Tolerance
 from ..solvers.vector_field import ScaledField
+from ._event_state import resting
 from ._loop_state import LoopState
 from ._tangents import Directions, Lengths, StepTaken, TangentState, lengths
 
@@ -61,9 +72,16 @@ accordingly."""
 MOST_ERROR = 0.03
 """Error of a tangent relative to its size at which the run is repeated, at loose tolerances: after
 a step that is too long the tangent itself is wrong, and as large as its error."""
-NEGLIGIBLE_LENGTH = 1e-8
-"""Fraction of a segment. A tangent that is not finite after so short a step never is, and one that
-jumps there is off by as little."""
+MOST_SHORT = 1e-3
+"""Error of a tangent relative to its size that counts after a step that is `resting`. A tangent
+that is not finite after so short a step never is, and one that jumps there is off by as little."""
+SHORTER, FIRST = 1.0 / 16.0, 1e-3
+"""A step is monitored as a short one if it follows a rejection or ends a segment and is shorter
+than this fraction of the longest step so far; the first step, if it is below this fraction of a
+segment."""
+STEEP = 2.0
+"""Error of a tangent relative to its size, in units of the root of the tolerance, at which the run
+is repeated because of a short step: about that of a kink."""
 
 
 @final
@@ -93,10 +111,17 @@ class SensitivityControl(eqx.Module):
         return cls(directions, tolerance, linear_errors(forward_mode(method)), term)
 
     def monitor(
-        self, field: ScaledField, step: StepTaken, going: Bool[Array, "*#runs"], state: TangentState
+        self,
+        field: ScaledField,
+        step: StepTaken,
+        going: Bool[Array, "*#runs"],
+        at_event: Bool[Array, "*#runs"],
+        state: TangentState,
     ) -> tuple[TangentState, Float[Array, "*runs"]]:
         """The tangents after this step, if it is accepted, and the errors by which they control it:
-        zero in the first run, and for a step that the motion rejects or is not `going` on."""
+        zero in the first run, and for a step that the motion rejects or is not `going` on.
+
+        `at_event`: whether the step is the one that ends at the event of its run."""
         # A run that has failed, or waits at its event, has no error.
         alive = self.tolerance.alive(step.y0)
         # In single precision the time may have double precision.
@@ -108,6 +133,15 @@ class SensitivityControl(eqx.Module):
         long = (duration > LONGER * state.resolved) & ~by_motion
         some = ((step.number % EVERY == SINCE) | long) & ~(free & (step.length < GROWING_LENGTH))
         due = good & (state.controlled | some)
+        end = step.s + step.length
+        short = jnp.where(
+            state.longest > 0.0,
+            (step.retried | (end == jnp.round(end))) & (duration < SHORTER * state.longest),
+            step.length < FIRST,
+        )
+        # A step that is cut at the end of a segment is short as well, and mostly without an error.
+        short = good & short & ~due & ~free
+        steep = short | at_event & alive & (duration != 0.0)
         none = jnp.zeros_like(duration)
         taken, seen = jnp.where(good, duration, none), jnp.where(due, duration, none)
         state = state._replace(
@@ -124,20 +158,26 @@ class SensitivityControl(eqx.Module):
             carry: tuple[Array, TangentState, Array],
         ) -> tuple[Array, TangentState, Array]:
             go, state, _ = carry
-            return ~go, *self._monitored(field, step, due, state)
+            return ~go, *self._monitored(field, step, due, steep, state)
 
-        start = jnp.any(due), state, jnp.zeros_like(step.motion)
+        start = jnp.any(due | steep), state, jnp.zeros_like(step.motion)
         _, state, control = jax.lax.while_loop(lambda carry: carry[0], monitored, start)
         return state, control
 
     def _monitored(
-        self, field: ScaledField, step: StepTaken, due: Bool[Array, "*runs"], state: TangentState
+        self,
+        field: ScaledField,
+        step: StepTaken,
+        due: Bool[Array, "*runs"],
+        steep: Bool[Array, "*runs"],
+        state: TangentState,
     ) -> tuple[TangentState, Array]:
+        """As `monitor`: in the steps that are `due`, and in those monitored as `steep` only."""
         tolerance = self.tolerance
         tangents, errors = self.directions.after(
             self.method, self.term, field, step, state.tangents
         )
-        counts = due & tolerance.alive(step.y1)
+        counts = (due | steep) & tolerance.alive(step.y1)
         sizes, errors = (
             jax.tree.map(lambda x: jnp.where(counts, x, 0.0), lengths(tolerance, d))
             for d in (tangents, errors)
@@ -146,18 +186,21 @@ class SensitivityControl(eqx.Module):
         ratios = self._ratios(errors, sizes)
         # A tangent that was finite, and is not after a long step, may be after a short one.
         ratios = jnp.where(jnp.isfinite(ratios), ratios, jnp.inf)
-        ratios = jnp.where(step.length > NEGLIGIBLE_LENGTH, ratios, 0.0)
+        large = jnp.isfinite(ratios) & (ratios > MOST_SHORT / tolerance.rtol)
+        ratios = jnp.where((step.length > resting(step.s)) | large, ratios, 0.0)
         controlled = jax.vmap(tolerance.alive)(state.tangents) & counts & state.controlled
         control = jnp.max(jnp.where(controlled, ratios, 0.0), axis=0)
         errors = jax.tree.map(jnp.maximum, state.errors, errors)
         # Selected here and not with the state of the loop, because most steps do without it.
         taken = due & (control <= 1.0)
+        worst = jnp.where(counts & steep, jnp.max(ratios, axis=0), 0.0).astype(state.steep.dtype)
         tangents, sizes, errors = jax.tree.map(
             lambda new, old: jnp.where(taken, new, old),
             (tangents, sizes, errors),
             (state.tangents, state.sizes, state.errors),
         )
-        state = state._replace(tangents=tangents, sizes=sizes, errors=errors)
+        steepest = jnp.maximum(state.steep, worst)
+        state = state._replace(tangents=tangents, sizes=sizes, errors=errors, steep=steepest)
         return state, control.astype(step.motion.dtype)
 
     def _ratios(self, errors: Lengths, sizes: Lengths) -> Float[Array, "directions *#runs"]:
@@ -205,6 +248,7 @@ class SensitivityControl(eqx.Module):
             jnp.all(ratios * (longer**POWER).astype(ratios.dtype) <= TRIGGER, axis=0)
             & jnp.all(self._ratios(state.errors, state.sizes) <= most, axis=0)
             & (state.longest <= LONGER * state.resolved)
+            & (state.steep * jnp.sqrt(self.tolerance.rtol) <= STEEP)
         )
         return ~resolved
 

@@ -43,6 +43,8 @@ class TangentState(NamedTuple):
     - `sizes`, `errors`: the largest of the tangents and of their errors so far.
     - `resolved`, `longest`: the longest accepted step known to be resolved, and of all, s.
     - `monitored`, `time`: the time in accepted steps that were monitored, and in all, s.
+    - `steep`: the largest error in those that were short, and in the step to the event, in units
+      of the allowed error; `ended`: whether the latter was monitored.
     - `controlled`: whether every step is monitored, and controlled by the tangents."""
 
     tangents: State
@@ -52,6 +54,8 @@ class TangentState(NamedTuple):
     longest: Float[Array, "*runs"]
     monitored: Float[Array, "*runs"]
     time: Float[Array, "*runs"]
+    steep: Float[Array, "*runs"]
+    ended: Bool[Array, "*runs"]
     controlled: Bool[Array, "*runs"]
 
 
@@ -108,7 +112,18 @@ class Directions(eqx.Module):
         none = jax.tree.map(jnp.zeros_like, sizes)
         controlled = jnp.zeros_like(jax.vmap(tolerance.alive)(self.start)[0])
         time = jnp.zeros(controlled.shape)
-        return TangentState(self.start, sizes, none, time, time, time, time, controlled)
+        return TangentState(
+            self.start,
+            sizes,
+            none,
+            resolved=time,
+            longest=time,
+            monitored=time,
+            time=time,
+            steep=time,
+            ended=controlled,
+            controlled=controlled,
+        )
 
     def after(
         self,
@@ -148,7 +163,8 @@ class Directions(eqx.Module):
 
 class StepTaken(NamedTuple):
     """A step of each run: its start and its length in normalised time, the states at its ends, its
-    error in units of the tolerance, and the number of the steps before it."""
+    error in units of the tolerance, the number of the steps before it, and whether the last of them
+    was rejected."""
 
     s: Float[Array, "*#runs"]
     length: Float[Array, "*#runs"]
@@ -156,6 +172,7 @@ class StepTaken(NamedTuple):
     y1: State
     motion: Float[Array, "*runs"]
     number: Int[Array, "*#runs"]
+    retried: Bool[Array, "*#runs"]
 
 
 def lengths(tolerance: Tolerance, tangents: PyTree) -> Lengths:

@@ -24,6 +24,7 @@ from ..integration.events import Event, newton_correct
 from ..integration.layout import replace_state, runs_of, state_at, with_start
 from ..integration.simultaneous import simultaneous_events
 from ._integrator import Integrator, of_each_run
+from .masking import nan_unless, scaled
 from .trajectory import Trajectory, without_events
 
 
@@ -128,9 +129,13 @@ def _integrate_to_event(
     found = result.events
     assert found is not None
     if differentiated:
-        at = found.which, found.time, state_at(result.states, -1, run_axes)
-        # It is located already: the correction adds the derivatives.
-        time, state = newton_correct(integrator.system, events, *at, located=True)
+        which = found.which
+
+        def correct(t: Scalar, y: State) -> tuple[Scalar, State]:
+            # It is located already: the correction adds the derivatives.
+            return newton_correct(integrator.system, events, which, t, y, located=True)
+
+        time, state = found.differentiated(state_at(result.states, -1, run_axes), correct)
         found = found._replace(time=time, state=state)
     if ends_alone:
         states = with_start(y0, result.states, run_axes)
@@ -154,7 +159,10 @@ def _integrate_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[Trajectory
 
         return through_times_to_event(integrator, y0, ts, events, through)
 
-    return eqx.filter_jvp(again, primals, tangents)
+    run, of_run = eqx.filter_jvp(again, primals, tangents)
+    # The derivatives of the times of a failed run, whose states are masked.
+    of_ts = scaled(of_run.ts, nan_unless(run.status <= Status.EVENT))
+    return run, dataclasses.replace(of_run, ts=of_ts)
 
 
 def through_times_to_event(
