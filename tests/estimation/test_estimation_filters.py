@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -338,3 +339,33 @@ def test_single_precision_stays_close(kind):
     # Twenty intervals at a tolerance of 1e-5 and roundings of 6e-8 of numbers of the order of one.
     assert_allclose(low.states["x"], high.states["x"], atol=2e-4)
     assert_allclose(low.covariance, high.covariance, atol=2e-5)
+
+
+@KINDS
+def test_little_process_noise_after_a_loose_prior(kind):
+    """Variances that differ by a factor of 1e18, to as many digits as the motion, against sixty
+    digits."""
+    r, q, prior = 1e-3, 1e-9, 1e6
+    found = kalman_filter(
+        SPRING, START, np.diag([prior, prior]), TS, np.full((1, TS.size), 0.3), position,
+        noise=np.array([r]), process=jnp.diag(jnp.array([q, 0.0])), kind=kind,
+        accuracy=Accuracy(1e-9, method=Tsit5(), max_steps=64),
+    )  # fmt: skip
+    exact = []
+    with mpmath.workdps(60):
+        w, h, H = mpmath.sqrt(2), mpmath.mpf(STEP), mpmath.matrix([[0, 1]])
+        c, s = mpmath.cos(w * h), mpmath.sin(w * h)
+        phi = mpmath.matrix([[c, -w * s], [s / w, c]])
+        # The integrals of cos^2, of sin cos/w and of sin^2/w^2.
+        both, cross = s * c / (2 * w), s**2 / (2 * w**2)
+        added = q * mpmath.matrix([[h / 2 + both, cross], [cross, (h / 2 - both) / w**2]])
+        P = mpmath.diag([prior, prior])
+        for k in range(TS.size):
+            P = phi * P * phi.T + added if k else P
+            S = (H * P * H.T)[0] + mpmath.mpf(r) ** 2
+            P = P - P * H.T * H * P / S
+            exact.append([[float(P[i, j]) for j in range(2)] for i in range(2)])
+    exact, P = np.array(exact), np.moveaxis(found.covariance, -1, 0)
+    assert np.all(np.linalg.eigvalsh(P / exact[:, :1, :1]) > 0.0)
+    variances = np.diagonal(exact, axis1=1, axis2=2)
+    assert_allclose(np.diagonal(P, axis1=1, axis2=2), variances, rtol=1e-6)
