@@ -7,7 +7,6 @@ optax), `_bounds.py`. Valid for smooth functions; the quadratic programmes for u
 unknowns. `f` may be infinite outside its domain: the search backtracks.
 """
 
-import functools
 import os
 from collections.abc import Callable
 
@@ -27,7 +26,7 @@ from ._entry import as_point, check_scale, check_steps
 from ._gradient_check import has_kink, refuse
 from ._scaling import scaled_problem
 from ._search import FORWARD_RATIO, search
-from .optimiser import SQP, Optimiser, check_optimiser
+from .optimiser import SQP, Optimiser, check_optimiser, kept_optimiser
 from .search_store import SearchStore, as_store
 
 
@@ -158,20 +157,20 @@ def minimise_from(
 
     **Raises** as `minimise` does; `InputError` for a wrong gradient at any of the starts.
     """
-    one = functools.partial(
-        minimise,
-        problem,
-        optimiser=optimiser,
-        bounds=bounds,
-        tolerance=tolerance,
-        max_steps=max_steps,
-        check_gradient=check_gradient,
-        exact_hessian=exact_hessian,
-        scale=scale,
-    )
-    in_one_batch = compiled(jax.vmap(one, in_axes=-1, out_axes=-1))
+    points = as_point(starts, "starts")
+    first = jax.tree.map(lambda x: x[..., 0], points)
+    check_steps(max_steps)
+    check_optimiser(optimiser, exact_hessian)
+    if scale is not None:
+        check_scale(scale, first)
+        scale = jax.tree.map(jnp.asarray, scale)
+    # As arrays, which are arguments of the program: searches with other bounds share it.
+    limits = None if bounds is None else tuple(as_bounds(bounds, first))
+    optimiser = optimiser if optimiser == SQP else kept_optimiser(optimiser)
+    options = (optimiser, max_steps, check_gradient, exact_hessian)
+    numbers = (limits, jnp.asarray(tolerance, jnp.result_type(float)), scale)
     with sentence_alone():
-        every = jax.block_until_ready(in_one_batch(as_point(starts, "starts")))
+        every = jax.block_until_ready(compiled(_from_each)(problem, points, numbers, options))
     if check_gradient and not is_traced(every.gradient_error):
         # As for one start, but at the end, because a search in a batch cannot be rejected before.
         worst = jnp.argmax(every.gradient_error)
@@ -184,3 +183,30 @@ def minimise_from(
     # `argmin` would take NaN as the least.
     best = jnp.argmin(jnp.where(jnp.isnan(order), jnp.inf, order))
     return jax.tree.map(lambda x: x[..., best], every), every
+
+
+def _from_each(
+    problem: Callable[[Point], Criterion],
+    starts: PyTree,
+    numbers: tuple[tuple[PyTree, PyTree] | None, Scalar, PyTree | None],
+    options: tuple[Optimiser, int, bool, bool],
+) -> Minimum:
+    """The minima from each start: of `minimise_from`, with its arguments that are `numbers`
+    (bounds, tolerance and scale), and its other `options`."""
+    bounds, tolerance, scale = numbers
+    optimiser, max_steps, check_gradient, exact_hessian = options
+
+    def one(start: PyTree) -> Minimum:
+        return minimise(
+            problem,
+            start,
+            optimiser=optimiser,
+            bounds=bounds,
+            tolerance=tolerance,
+            max_steps=max_steps,
+            check_gradient=check_gradient,
+            exact_hessian=exact_hessian,
+            scale=scale,
+        )
+
+    return jax.vmap(one, in_axes=-1, out_axes=-1)(starts)

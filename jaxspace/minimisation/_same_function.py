@@ -15,16 +15,18 @@ import numpy as np
 def content(value: object, above: tuple[int, ...] = ()) -> Hashable:
     """A key that is equal for values with the same content.
 
-    Functions are compared by code, defaults and closures; tuples and partial functions part by
-    part; numbers and texts by type and value. Everything else, such as a list, which may change
-    later, is equal to itself alone: the key refers to it, so that its identity is not reused.
+    Functions are compared by code, defaults and closures; tuples, lists, dictionaries and partial
+    functions part by part; numbers and texts by type and value. Everything else, such as an array,
+    is equal to itself alone: the key refers to it, so that its identity is not reused. A list or a
+    dictionary may change later, and then has another key.
 
-    - `above`: the functions that contain this value."""
-    if isinstance(value, types.FunctionType):
+    - `above`: the functions, lists and dictionaries that contain this value."""
+    if isinstance(value, types.FunctionType | list | dict):
         if id(value) in above:
             # A function that calls itself.
             return ("above", len(above) - above.index(id(value)))
-        inside = (*above, id(value))
+    inside = (*above, id(value))
+    if isinstance(value, types.FunctionType):
         cells = tuple(_cell(cell, inside) for cell in value.__closure__ or ())
         named = tuple((value.__kwdefaults__ or {}).items())
         defaults = content((value.__defaults__, named), inside)
@@ -36,6 +38,11 @@ def content(value: object, above: tuple[int, ...] = ()) -> Hashable:
         )
     if isinstance(value, types.MethodType):
         return (type(value), content((value.__func__, value.__self__), above))
+    if isinstance(value, list):
+        return (type(value), tuple(content(x, inside) for x in value))
+    if isinstance(value, dict):
+        # In their order, in which the parts of a tree are visited.
+        return (type(value), content(tuple(value.items()), inside))
     if isinstance(value, tuple):
         return (type(value), tuple(content(x, above) for x in value))
     if isinstance(value, float | np.floating):

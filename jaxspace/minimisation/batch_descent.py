@@ -22,7 +22,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
-from ..core import InputError
+from ..core import InputError, Scalar
+from ..core.jit import compiled
 from ..core.printing import printed
 from ._bounds import as_bounds
 from ._criterion import Criterion, Point, StopReason, listed
@@ -158,9 +159,8 @@ def descend_by_batches(
     if scale is not None:
         check_scale(scale, x)
     key = jax.random.key(seed)
-    scaled = scaled_problem(
-        lambda x: problem(x, key), x, as_bounds(bounds, x), scale, None, bounds is not None
-    )
+    own = eqx.Partial(_of_batch, problem, key)
+    scaled = scaled_problem(own, x, as_bounds(bounds, x), scale, None, bounds is not None)
     stepper = as_stepper(optimiser, scaled.start, scaled.unravel)
     if stepper.restarts:
         raise InputError(
@@ -168,12 +168,10 @@ def descend_by_batches(
             "changes: use one such as optax.adam(1e-3)."
         )
 
-    @jax.jit
-    def step(state: BatchState) -> BatchState:
-        batch_key = jax.random.fold_in(key, state.step)
-        own = scaled._replace(problem=lambda x: problem(x, batch_key))
-        return _advance(state, own, stepper, average)
-
+    # A tree of arrays and of functions of this module: searches of the same problem share the
+    # program.
+    number = jnp.asarray(average, scaled.start.dtype)
+    step = compiled(eqx.Partial(_after_batch, problem, key, scaled, stepper, number))
     begun = StoredSearch(_begin(scaled, stepper), np.full((max_steps, 3), np.nan))
     if store is not None:
         setting = (scaled.low, scaled.high, scaled.size, seed, patience, average)
@@ -189,6 +187,24 @@ def descend_by_batches(
         multipliers=state.multipliers.nu,
         history=jnp.asarray(rows),
     )
+
+
+def _of_batch(problem: Callable[[Point, Array], Criterion], key: Array, x: Point) -> Criterion:
+    """The criterion of the batch with this `key`."""
+    return problem(x, key)
+
+
+def _after_batch(
+    problem: Callable[[Point, Array], Criterion],
+    key: Array,
+    scaled: ScaledProblem,
+    stepper: Stepper,
+    average: Scalar,
+    state: BatchState,
+) -> BatchState:
+    """The state after the next batch of a search whose batches have keys from this one."""
+    of_batch = eqx.Partial(_of_batch, problem, jax.random.fold_in(key, state.step))
+    return _advance(state, scaled._replace(problem=of_batch), stepper, average)
 
 
 def _check_settings(optimiser: object, patience: int, average: float) -> None:
@@ -223,7 +239,7 @@ def _begin(scaled: ScaledProblem, stepper: Stepper) -> BatchState:
     )
 
 
-def _advance(s: BatchState, scaled: ScaledProblem, stepper: Stepper, average: float) -> BatchState:
+def _advance(s: BatchState, scaled: ScaledProblem, stepper: Stepper, average: Scalar) -> BatchState:
     """The state after one batch."""
 
     def numbers(z: Array) -> tuple[Array, Array]:

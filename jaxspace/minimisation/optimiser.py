@@ -130,6 +130,9 @@ def kept_optimiser(optimiser: Any) -> Any:
     Each call of `optax.adam` makes new functions, for which JAX would compile new programs."""
     key = content(optimiser)
     found = _OPTIMISERS.pop(key, optimiser)
+    # A dictionary in it, such as that of `optax.multi_transform`, may have changed.
+    if content(found) != key:
+        found = optimiser
     _OPTIMISERS[key] = found
     if len(_OPTIMISERS) > KEPT:
         del _OPTIMISERS[next(iter(_OPTIMISERS))]

@@ -4,16 +4,18 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..core import InputError, Scalar
+from ..core.jit import compiled
 from ..integration.accuracy import Accuracy
 from ..minimisation import Criterion, Progress
 from ..minimisation.batch_descent import BatchMinimum, descend_by_batches
 from ._optimum import DesignOptimum
-from ._runs import CampaignOf, Design, enough_runs, failures, problem_of
+from ._runs import CampaignOf, Design, Problem, enough_runs, failures, problem_of
 from ._search import RUNS, progress_of, store_of
 from .statistics import AbstractStatistic, Constraint
 
@@ -70,18 +72,8 @@ def train_design(
     problem = problem_of(
         campaign, start, minimise, subject_to, batch, seed, accuracy, may_fail, maximise
     )
-    assert problem.normals is not None
-    dimensions = problem.normals.shape[1]
-
-    def of_batch(x: Design, key: Array) -> Criterion:
-        # Independent, and not on Sobol points: over the steps independent errors average out.
-        normals = jax.random.normal(key, (batch, dimensions), jnp.result_type(float))
-        # Without the runs, which no step needs.
-        found = problem._replace(normals=normals)(x)
-        return Criterion(found.objective, None, found.non_negative)
-
     found = descend_by_batches(
-        of_batch,
+        eqx.Partial(_of_batch, problem),
         start,
         optimiser=optimiser,
         bounds=bounds,
@@ -99,10 +91,19 @@ def train_design(
         *(campaign, start, minimise, subject_to, enough_runs(problem.statistics, RUNS)),
         *(seed, accuracy, may_fail, maximise),
     )
-    # A function, because `jit` cannot hash objects with arrays.
-    criterion = jax.jit(lambda x: whole(x))(found.x)
+    criterion = compiled(whole)(found.x)
     _check_used(found, criterion, may_fail)
     return DesignOptimum(found.x, start, criterion, found, whole, seed)
+
+
+def _of_batch(problem: Problem, x: Design, key: Array) -> Criterion:
+    """The criterion of a batch of new runs."""
+    assert problem.normals is not None
+    # Independent, and not on Sobol points: over the steps independent errors average out.
+    normals = jax.random.normal(key, problem.normals.shape, jnp.result_type(float))
+    # Without the runs, which no step needs.
+    found = problem._replace(normals=normals)(x)
+    return Criterion(found.objective, None, found.non_negative)
 
 
 def _check_used(found: BatchMinimum, criterion: Criterion, may_fail: float) -> None:
