@@ -115,7 +115,7 @@ class EventState(NamedTuple):
         """Whether the tangents of each run rest from the start of the step that holds its event.
 
         No step is as short unless it resolves the tangents of a vector field whose slope is
-        infinite at the event (`_sensitivity_control`), which the stages of the step must not meet."""
+        infinite at the event (`_sensitivity_control`), where the stages must not be evaluated."""
         return self.met & (self.whole <= jnp.minimum(resting(self.start), SHORT_STEP * self.start))
 
     @property
