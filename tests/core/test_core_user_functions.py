@@ -5,6 +5,7 @@ import math
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from unchecked import unchecked
 
 from jaxspace import BodyState, Event, Scene, simulate
 from jaxspace.bodies import Load
@@ -96,7 +97,7 @@ def steered(direction):
     ],
 )
 def test_the_message_says_what_to_write(call, sentence):
-    with pytest.raises(InputError, match=sentence):
+    with unchecked(), pytest.raises(InputError, match=sentence):
         call()
 
 
