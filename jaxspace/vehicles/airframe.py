@@ -31,6 +31,7 @@ behind them is left out.
 
 __all__ = ["prandtl_factor"]
 
+import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any, TypeAlias, TypeVar, final
@@ -216,24 +217,77 @@ class FinSet(AbstractSurface):
 
     def _forcing_share(self) -> Scalar:
         """k_f, interference factor of the body for the roll moment of canted fins (Barrowman
-        3-32)."""
-        tau = (self.span + self.radius) / self.radius
-        a = jnp.arcsin((tau * tau - 1.0) / (tau * tau + 1.0))
-        b = (tau * tau + 1.0) ** 2 / (tau * (tau - 1.0)) ** 2
-        total = 0.25 * np.pi**2 * ((tau + 1.0) / tau) ** 2 + np.pi * b * a
-        total = total - 2.0 * np.pi * (tau + 1.0) / (tau * (tau - 1.0)) + b * a * a
-        total = total - 4.0 * (tau + 1.0) / (tau * (tau - 1.0)) * a
-        return (
-            total + 8.0 / (tau - 1.0) ** 2 * jnp.log((tau * tau + 1.0) / (2.0 * tau))
-        ) / np.pi**2
+        3-32).
+
+        With a = arcsin((tau^2 - 1)/(tau^2 + 1)), whose cosine is 2 tau/(tau^2 + 1), it is
+
+            k_f = ((tau + 1)/(pi tau))^2 (pi^2/4 + pi f(a) + g(a)),
+
+        in which nothing cancels for fins that are short compared with the radius (tau near 1)."""
+        tau = 1.0 + self.span / self.radius
+        first, second = _interference(
+            jnp.arctan(self.span / self.radius * (tau + 1.0) / (2.0 * tau))
+        )
+        share = ((tau + 1.0) / (np.pi * tau)) ** 2
+        return share * (0.25 * np.pi**2 + np.pi * first + second)
 
     def _damping_share(self) -> Scalar:
-        """k_d, interference factor of the body for the roll damping (Barrowman 3-56)."""
-        tau = (self.span + self.radius) / self.radius
-        ratio = self.tip_chord / self.root_chord
-        upper = (tau - ratio) / tau - (1.0 - ratio) / (tau - 1.0) * jnp.log(tau)
-        lower = 0.5 * (tau + 1.0) * (tau - ratio)
-        return 1.0 + upper / (lower - (1.0 - ratio) * (tau**3 - 1.0) / (3.0 * (tau - 1.0)))
+        """k_d, interference factor of the body for the roll damping (Barrowman 3-56), with the
+        common factor (tau - 1)^2 of both terms of the fraction divided out."""
+        short = self.span / self.radius
+        tau = 1.0 + short
+        root, tip = self.root_chord, self.tip_chord
+        upper = (root - tip) * _log_remainder(short) + tip / tau
+        return 1.0 + 6.0 * upper / ((root + 2.0 * tip) * tau + 2.0 * root + tip)
+
+
+# Below these values the two functions are evaluated by their series.
+SMALL_ANGLE, SHORT_SPAN = 0.4, 0.5
+# (a - sin(2 a)/2)/a^3 and (a^2 - a sin(2 a) - 2 cos(a)^2 log(cos(a)))/a^4 by powers of a^2.
+FIRST = tuple((-1) ** k * 4.0 ** (k + 1) / math.factorial(2 * k + 3) for k in range(10))
+SECOND = (
+    *(1.0 / 2.0, -1.0 / 18.0, 1.0 / 180.0, 1.0 / 18900.0, 6.46678424456202234e-5),
+    *(1.48117608435068753e-5, 4.02948021995641043e-6, 1.13673423491177753e-6),
+    *(3.33079663577294729e-7, 1.00635290464072116e-7, 3.11928205464706577e-8),
+    *(9.87940927953885597e-9, 3.18722841433881858e-9),
+)
+
+
+def _interference(a: Scalar) -> tuple[Scalar, Scalar]:
+    """f = (a - sin(2 a)/2)/sin(a)^2 and g = (a^2 - a sin(2 a) - 2 cos(a)^2 log(cos(a)))/sin(a)^2,
+    for 0 < a < pi/2."""
+    near = a < SMALL_ANGLE
+    # Each branch has an argument at which it is finite, also where the other one is taken.
+    x = jnp.where(near, a, 0.5 * SMALL_ANGLE)
+    share = (x / jnp.sin(x)) ** 2
+    first_near = share * x * _power_series(FIRST, x * x)
+    second_near = share * x * x * _power_series(SECOND, x * x)
+    x = jnp.where(near, 1.0, a)
+    s, c = jnp.sin(x), jnp.cos(x)
+    first = (x - s * c) / (s * s)
+    second = (x * x - 2.0 * x * s * c - 2.0 * c * c * jnp.log(c)) / (s * s)
+    return jnp.where(near, first_near, first), jnp.where(near, second_near, second)
+
+
+def _log_remainder(x: Scalar) -> Scalar:
+    """(x - log(1 + x))/x^2, 1/2 at zero, for x >= 0: with log(1 + x) = 2 artanh(z)."""
+    z = x / (2.0 + x)
+    near = x < SHORT_SPAN
+    small = jnp.where(near, z, 0.0)
+    powers = tuple(1.0 / (2 * k + 3) for k in range(14))
+    by_series = 0.5 * (1.0 - small) - 0.5 * (1.0 - small) ** 2 * small * _power_series(
+        powers, small * small
+    )
+    large = jnp.where(near, 1.0, x)
+    return jnp.where(near, by_series, (large - jnp.log1p(large)) / (large * large))
+
+
+def _power_series(coefficients: Sequence[float], x: Scalar) -> Scalar:
+    """The sum of c_k x^k."""
+    total = jnp.zeros_like(x)
+    for c in reversed(coefficients):
+        total = total * x + c
+    return total
 
 
 # One part or several, of fields that take both.

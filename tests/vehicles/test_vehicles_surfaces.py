@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from mpmath import mp, mpf
 
 import jaxspace
 from jaxspace import Accuracy, BodyState, Scene, simulate_batch
@@ -339,3 +340,44 @@ def test_slopes_of_a_closed_flight_are_its_differences():
         expected = (height(1.0 + h * along) - height(1.0 - h * along)) / (2.0 * h)
         # The truncation of the difference, and the tolerance of the steps.
         np.testing.assert_allclose(slope[k], expected, rtol=1e-3)
+
+
+def interference(span, radius, root, tip):
+    """Barrowman's 3-32 and 3-56 as they are printed, with as many digits as are set."""
+    tau, ratio = 1 + mpf(span) / mpf(radius), mpf(tip) / mpf(root)
+    a = mp.asin((tau**2 - 1) / (tau**2 + 1))
+    b = ((tau**2 + 1) / (tau * (tau - 1))) ** 2
+    c = (tau + 1) / (tau * (tau - 1))
+    forcing = mp.pi**2 / 4 * ((tau + 1) / tau) ** 2 + mp.pi * b * a - 2 * mp.pi * c
+    forcing += b * a**2 - 4 * c * a
+    forcing += 8 / (tau - 1) ** 2 * mp.log((tau**2 + 1) / (2 * tau))
+    upper = (tau - ratio) / tau - (1 - ratio) / (tau - 1) * mp.log(tau)
+    lower = (tau + 1) * (tau - ratio) / 2 - (1 - ratio) * (tau**3 - 1) / (3 * (tau - 1))
+    return forcing / mp.pi**2, 1 + upper / lower
+
+
+# On both sides of the switches to series, and where the printed formulas lose all digits.
+@pytest.mark.parametrize("share", [1e-8, 1e-3, 0.1, 0.49, 0.51, 0.55, 0.57, 3.0, 1e3])
+@pytest.mark.parametrize("precision, within", [(jnp.float64, 2e-15), (jnp.float32, 1e-6)])
+def test_interference_of_short_fins_keeps_its_digits(share, precision, within):
+    """Values, and slopes by the span in both modes."""
+    x = [precision(y) for y in (0.0635 * share, 0.0635, 0.05, 0.02)]
+
+    def shares(span):
+        fins = FinSet(4, span, x[2], x[3], precision(0.01), x[1], precision(0.9))
+        return jnp.stack([fins._forcing_share(), fins._damping_share()])
+
+    given = [float(y) for y in x]
+    with mp.workdps(50):
+        truth = np.array([float(y) for y in interference(*given)])
+        slopes = [
+            float(mp.diff(lambda s, k=k: interference(s, *given[1:])[k], mpf(given[0])))
+            for k in range(2)
+        ]
+    np.testing.assert_allclose(shares(x[0]), truth, rtol=within)
+    for mode in (jax.jacfwd, jax.jacrev):
+        found = np.asarray(mode(shares)(x[0]), float)
+        # Relative to the value: the slope vanishes for long fins.
+        np.testing.assert_allclose(
+            found * given[0], np.array(slopes) * given[0], rtol=20 * within, atol=10 * within
+        )
