@@ -167,11 +167,11 @@ class StopRule:
 
     - `output`: name of an output of the campaign.
     - `share`: of the percentile, between 0 and 1.
-    - `precision`: half the width of its confidence interval over its distance from the mean,
-      between 0 and 1.
+    - `precision`: half-width of its confidence interval over its distance from the mean, between 0
+      and 1.
     - `confidence`: of the interval, between 0 and 1.
 
-    `StopRule("apogee", 0.99, 0.01)` means "until the 99 % limit of apogee is known to 1 %".
+    `StopRule("apogee", 0.99, 0.01)` means "until the 99th percentile of apogee is known to 1 %".
 
     Raises `InputError` for other numbers."""
 
@@ -186,7 +186,7 @@ class StopRule:
             check_share(f"StopRule.{name}", getattr(self, name))
 
     def error(self, x: ArrayLike) -> float:
-        """Half of the confidence interval of the percentile, over its distance from the mean;
+        """Half-width of the confidence interval of the percentile over its distance from the mean;
         infinite with too few runs or an infinite percentile, zero without dispersion."""
         x = np.asarray(x, float)
         result = percentile(x, self.share, self.confidence)
@@ -200,7 +200,7 @@ class StopRule:
     def text(self) -> str:
         """The rule as text."""
         return (
-            f"until the {100.0 * self.share:g} % limit of {self.output} is known to "
+            f"until the {_ordinal(100.0 * self.share)} percentile of {self.output} is known to "
             f"{100.0 * self.precision:g} %"
         )
 
@@ -214,3 +214,11 @@ class StopRule:
         runs = int((~np.isnan(np.asarray(x, float))).sum())
         # The interval shrinks as one over the root of the number of runs.
         return int(np.ceil(runs * (error / self.precision) ** 2)) if np.isfinite(error) else 0
+
+
+def _ordinal(x: float) -> str:
+    """The number with its English suffix, such as 99th, 97.5th or 51st."""
+    text = f"{x:g}"
+    if text.endswith(("11", "12", "13")):
+        return f"{text}th"
+    return text + {"1": "st", "2": "nd", "3": "rd"}.get(text[-1], "th")

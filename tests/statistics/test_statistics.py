@@ -233,6 +233,20 @@ def test_convergence_and_the_stop_rule():
     assert StopRule("x").met(np.ones(500))
 
 
+def test_text_of_a_stopping_rule_has_ordinal_numbers():
+    shares = {
+        0.005: "0.5th",
+        0.11: "11th",
+        0.51: "51st",
+        0.52: "52nd",
+        0.93: "93rd",
+        0.975: "97.5th",
+    }
+    for share, ordinal in shares.items():
+        text = StopRule("x", share, 0.02).text()
+        assert text == f"until the {ordinal} percentile of x is known to 2 %"
+
+
 def test_rank_correlation():
     """A law that rises has 1, however curved; the interval holds the true value, which for a normal
     pair of correlation r is 6/pi asin(r/2), in 95 of 100 samples."""
