@@ -117,9 +117,10 @@ def disperse(
       a covariance without random runs (`moments`). Of the options below, these support `accuracy`
       only.
     - `seed`: seed of the random inputs. On the same kind of processor and with the same versions,
-      run number i has bit-identical inputs and outputs for any `runs`, `chunk`, `engine` and
-      `devices`, and also after a restart. Only campaigns large enough for a longer compilation to
-      pay off (`rolls_stages`) use different steps.
+      run number i has bit-identical inputs and outputs for any `chunk`, `engine` and `devices`, and
+      also after a restart. It depends on `runs` only with a Latin hypercube, with the accuracy
+      "by purpose", and through the choice between two programs, of which the slower one compiles
+      faster (`rolls_stages`).
     - `chunk`: number of runs after which results are fetched and stored, rounded up to whole calls
       of 512 runs (2^14 on an accelerator). It bounds the memory.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
