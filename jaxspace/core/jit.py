@@ -69,7 +69,7 @@ class _Program(Generic[T]):
 
 def _program(
     function: Callable, static: tuple, options: Options, shapes: list[None]
-) -> Callable[[tuple], tuple[PyTree, eqx.internal.Static]]:
+) -> jax.stages.Wrapped:
     """The function of its arrays under `jit`, which adds an entry to `shapes` for each new one."""
     others, structure = static
 

@@ -2,7 +2,7 @@
 
 JAX's cache of compiled programs spares the compiler alone: a program has to be traced and lowered
 before it is looked up, which takes most of a second start. Here it is looked up by the key of its
-function and its arguments (`structure_key`), so that nothing is traced. The numbers of arguments
+function and its arguments (`_structure_key`), so that nothing is traced. The numbers of arguments
 are not part of the key.
 """
 
@@ -29,9 +29,9 @@ from jax.experimental.compilation_cache import compilation_cache
 from jax.extend.core import get_opaque_trace_state, set_current_trace
 from jaxtyping import PyTree
 
+from ._structure_key import LIBRARIES, NoKey, identified, key_of, with_leaves
 from .processors import cores
 from .program_folder import ProgramFolder
-from .structure_key import LIBRARIES, NoKey, identified, key_of, with_leaves
 
 # Arguments of a program, and `None` in place of those that are not arrays.
 Arrays: TypeAlias = tuple[Any, ...]
@@ -100,7 +100,7 @@ class StoredProgram:
         self.lock = threading.Lock()
 
     def find(
-        self, program: Any, arrays: Arrays, traced: Callable[[], object] = _nothing
+        self, program: jax.stages.Wrapped, arrays: Arrays, traced: Callable[[], object] = _nothing
     ) -> Callable | None:
         """The compiled program for such arrays: loaded from the folder, or compiled and stored.
 
@@ -136,7 +136,11 @@ class StoredProgram:
             return None
 
     def _look_up(
-        self, program: Any, arrays: Arrays, shapes: tuple, traced: Callable[[], object]
+        self,
+        program: jax.stages.Wrapped,
+        arrays: Arrays,
+        shapes: tuple,
+        traced: Callable[[], object],
     ) -> Callable | None:
         folder, key = _folder, self.key
         if folder is None or key is None or jax.default_backend() != "cpu":

@@ -12,10 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace.core import program_folder, stored, structure_key
+from jaxspace.core import _structure_key, program_folder, stored
+from jaxspace.core._structure_key import NoKey, key_of
 from jaxspace.core.jit import compiled, quick_jit
 from jaxspace.core.program_folder import ProgramFolder, clear, stored_files
-from jaxspace.core.structure_key import NoKey, key_of
 from jaxspace.io.by_numpy import by_numpy
 
 # One entry for each time that a function below is traced.
@@ -59,7 +59,7 @@ def with_callback(x):
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A folder for the programs of this file, whose functions count as those of the package."""
-    monkeypatch.setattr(structure_key, "LIBRARIES", (*structure_key.LIBRARIES, __name__))
+    monkeypatch.setattr(_structure_key, "LIBRARIES", (*_structure_key.LIBRARIES, __name__))
     stored._environment.cache_clear()
     folder = ProgramFolder(tmp_path / "stored", 10**9)
     stored.store_in(folder)

@@ -17,7 +17,7 @@ import sys
 import types
 import typing
 from collections.abc import Iterable, Mapping, Sequence, Set
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import jax
@@ -277,7 +277,7 @@ class _Writer:
             raise NoKey(f"code of the module {name}")
 
 
-def with_leaves(structure: Any, leaves: Iterable[object]) -> PyTree:
+def with_leaves(structure: jax.tree_util.PyTreeDef, leaves: Iterable[object]) -> PyTree:
     """The tree of a structure with the first of these leaves."""
     return jax.tree.unflatten(structure, itertools.islice(leaves, structure.num_leaves))
 
