@@ -55,6 +55,8 @@ NOTES: dict[str, str] = {
     "derivatives of the potential of the size of 6, each of which has a rounding",
     "symmetric": "moments C > 2 A, which no body has: the turn about h and its reverse cancel",
     "compass_at_rest": "a ship whose rate over the earth is below 1e-38 rad/s",
+    "steered_spiral": "an orbit tilted by less than 1e-42 rad: the slope of the direction of its "
+    "node by the speed across it exceeds 1e38 s/m",
     "density": "air of 1e-34 kg/m^3",
     "air": "air at the centre of the planet",
 }

@@ -50,7 +50,7 @@ import jax.numpy as jnp
 from ..bodies import AbstractBody, AbstractCondition, AbstractEffect, BodyState, Load
 from ..core import NumberField, OptionalNumberField, Scalar, Vector, quantity, reference
 from ..core.square_roots import inverse_sqrt, sqrt
-from ..core.squares import quotient
+from ..core.squares import quotient, unit_factor
 from ..core.vectors import axis, components, cross, dot, inverse_norm, norm, scale, unit
 from ._planet import gravitational_parameter
 from .elements import eccentricity_vector
@@ -115,55 +115,54 @@ class QLaw(AbstractEffect):
     def direction(self, y: BodyState) -> Vector:
         """The thrust over the full thrust, d, in inertial axes, (3, *runs), in the state `y`: a
         unit vector except close to a target orbit, where it decreases to zero."""
-        return self._thrust_direction(self._slope(y))
+        return self._thrust_direction(*self._slope(y))
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body
         assert y.position is not None
-        D = self._slope(y)
-        force = scale(self.thrust, self._thrust_direction(D))
+        D, softening = self._slope(y)
+        force = scale(self.thrust, self._thrust_direction(D, softening))
         if self.exhaust_velocity is None:
             return Load(force_N=force)
         # Not the length of d, whose slope would be what is left of those of two long vectors.
         D2 = dot(D, D)
         still = D2 == 0.0
-        rest = self.softening * self.softening / jnp.where(still, 1.0, D2)
+        rest = softening * softening / jnp.where(still, 1.0, D2)
         throttle = jnp.where(still, 0.0, inverse_sqrt(1.0 + rest))
         return Load(force_N=force, mass_rate=-self.thrust * throttle / self.exhaust_velocity)
 
-    def _thrust_direction(self, D: Vector) -> Vector:
-        return scale(-inverse_sqrt(dot(D, D) + self.softening * self.softening), D)
+    def _thrust_direction(self, D: Vector, softening: Scalar) -> Vector:
+        return scale(-inverse_sqrt(dot(D, D) + softening * softening), D)
 
-    def _slope(self, y: BodyState) -> Vector:
-        """D over 1 + exp(...), m/s: the penalty itself would leave the range of float32."""
+    def _slope(self, y: BodyState) -> tuple[Vector, Scalar]:
+        """D over 1 + exp(...), m/s: the penalty itself would leave the range of float32. And the
+        softening b, m/s. In float32 both are over about the speed, because the slopes of D next to
+        the equator would leave the range, too."""
         orbit = _Orbit.of_state(y.position, y.velocity, self.mu)
         (q, log_penalty), slope = jax.vjp(self._distance, self._gaps(orbit))
-        (over,) = slope((jnp.ones_like(q), q * jnp.ones_like(log_penalty)))
-        # Half of the slopes over the vectors e and tau. The nearest vector of the target's length
-        # moves across the gap to it, and so adds nothing.
-        to_e = self._to_target(orbit.e, self.eccentricity)
+        factor = unit_factor(*components(orbit.v)) * jnp.ones_like(q)
+        (over,) = slope((factor, factor * q * jnp.ones_like(log_penalty)))
+        # Half of the slopes over the vectors e and tau, the latter in parts of tau and of its
+        # direction. The nearest vector of the target's length moves across the gap to it, and so
+        # adds nothing.
+        to_e = orbit.e - scale(self.eccentricity * jnp.ones_like(orbit.p), unit(orbit.e))
         over_e = scale(over.e2, orbit.e) + scale(over.e_gap, to_e)
         over_tau = None
         if self.inclination is not None:
-            to_tau = self._to_target(orbit.tau, self._target_tau())
-            over_tau = scale(over.tau2, orbit.tau) + scale(over.tau_gap, to_tau)
-        return orbit.over_velocity(over.p, over.per_a, over_e, over_tau)
+            over_tau = over.tau2 + over.tau_gap, -over.tau_gap * self._target_tau()
+        return orbit.over_velocity(over.p, over.per_a, over_e, over_tau), factor * self.softening
 
     def _gaps(self, orbit: "_Orbit") -> "_Gaps":
         e_gap = norm(orbit.e) - self.eccentricity
         tau2 = tau_gap = None
         if self.inclination is not None:
             tau2 = dot(orbit.tau, orbit.tau)
-            tau_gap = (norm(orbit.tau) - self._target_tau()) ** 2
+            tau_gap = (orbit.tilt - self._target_tau()) ** 2
         return _Gaps(orbit.p, orbit.per_a, dot(orbit.e, orbit.e), e_gap * e_gap, tau2, tau_gap)
 
     def _target_tau(self) -> Scalar:
         assert self.inclination is not None
         return jnp.tan(0.5 * self.inclination)
-
-    def _to_target(self, x: Vector, length: Scalar) -> Vector:
-        """The difference between `x` and the nearest vector of this length."""
-        return x - scale(length * jnp.ones_like(x[0]), unit(x))
 
     def _distance(self, x: "_Gaps") -> tuple[Scalar, Scalar]:
         """Q without its penalty, m^2/s^2, and the logarithm of the penalty's factor."""
@@ -198,7 +197,8 @@ class _Gaps(eqx.Module):
 
 
 class _Orbit(eqx.Module):
-    """The orbit of a state: p, 1/a, and vectors whose lengths are e and tau.
+    """The orbit of a state: p, 1/a, vectors whose lengths are e and tau, and of tau the length
+    `tilt` and the direction `lean`, in which the momentum leans.
 
     Vectors are used because they are smooth where the angles of node and periapsis are
     undefined."""
@@ -209,32 +209,42 @@ class _Orbit(eqx.Module):
     h: Vector
     e: Vector
     tau: Vector
+    tilt: Scalar
+    lean: Vector
     p: Scalar
     per_a: Scalar
 
     @classmethod
     def of_state(cls, r: Vector, v: Vector, mu: Scalar) -> "_Orbit":
         h = cross(r, v)
-        # The tilt of h from the z axis: its side over |h| + h_z.
+        # The tilt of h from the z axis: its side over |h| + h_z. Length and direction are those of
+        # the side, because float32 does not hold the components of tau where those of the side are
+        # small.
         # Assembled from components, because the z of a difference has a derivative in reverse mode,
         # which cancels.
         x, y, z = components(h)
-        tau = scale(1.0 / (norm(h) + z), jnp.stack([x, y, jnp.zeros_like(z)]))
+        side = jnp.stack([x, y, jnp.zeros_like(z)])
+        share = 1.0 / (norm(h) + z)
+        tau, tilt = scale(share, side), share * norm(side)
+        e, p = eccentricity_vector(r, v, mu), quotient(dot(h, h), mu)
         per_a = 2.0 * inverse_norm(r) - quotient(dot(v, v), mu)
-        return cls(r, v, mu, h, eccentricity_vector(r, v, mu), tau, quotient(dot(h, h), mu), per_a)
+        return cls(r, v, mu, h, e, tau, tilt, unit(side), p, per_a)
 
     def over_velocity(
-        self, p: Scalar, per_a: Scalar, half_e: Vector, half_tau: Vector | None
+        self, p: Scalar, per_a: Scalar, half_e: Vector, half_tau: tuple[Scalar, Scalar] | None
     ) -> Vector:
         """The slope over the velocity, from those over p and 1/a and half of those over the vectors
-        e and tau."""
+        e and tau: the latter in parts of tau and `lean`."""
         per_mu = quotient(2.0, self.mu)
         over_h = scale(p * per_mu, self.h) + scale(per_mu, cross(half_e, self.v))
         if half_tau is not None:
+            # Over the divisor first, because the slopes of `lean` may be close to the largest
+            # numbers.
+            by_tau, by_lean = (2.0 * x / (norm(self.h) + self.h[2]) for x in half_tau)
             # Of the length of h in the divisor of tau.
-            along = dot(self.tau, half_tau)
-            part = half_tau - scale(along, unit(self.h) + axis(2, along))
-            over_h = over_h + scale(2.0 / (norm(self.h) + self.h[2]), part)
+            along = self.tilt * (by_tau * self.tilt + by_lean)
+            part = scale(by_tau, self.tau) + scale(by_lean, self.lean)
+            over_h = over_h + part - scale(along, unit(self.h) + axis(2, along))
         across = scale(per_mu, cross(self.h, half_e))
         return cross(over_h, self.r) + across - scale(per_a * per_mu, self.v)
 

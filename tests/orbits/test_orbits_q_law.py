@@ -254,3 +254,24 @@ def test_the_arrival_has_a_derivative():
     # The second differences of a curve that turns within a hundredth.
     np.testing.assert_allclose(forward, slope, rtol=1e-3)
     np.testing.assert_allclose(jax.grad(arrival)(1.0), forward, rtol=1e-6)
+
+
+def test_a_tilt_whose_components_no_float32_holds():
+    """The direction depends on the node but hardly on the size of a small tilt; the speed across
+    the plane turns the node in inverse proportion to it."""
+
+    def direction(steering, z, across):
+        y = jnp.stack([jnp.full_like(z, 6.6e6), 0.0 * z, z, 0.0 * z, 8e3 + 0.0 * z, across])
+        return steering.direction(BodyState(y[:3], y[3:]))
+
+    steering = law(softening=50.0)
+    z = jnp.asarray(1e-3)
+    expected = direction(steering, z, 0.0 * z)
+    slope = 1e27 * jax.jacfwd(direction, 2)(steering, z, 0.0 * z)
+    single = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), steering)
+    z = jnp.asarray(1e-34, jnp.float32)
+    np.testing.assert_allclose(direction(single, z, 0.0 * z), expected, atol=1e-5)
+    z = jnp.asarray(1e-30, jnp.float32)
+    for mode in (jax.jacfwd, jax.jacrev):
+        found = mode(direction, 2)(single, z, 0.0 * z)
+        np.testing.assert_allclose(found[2], slope[2], rtol=1e-5)
