@@ -35,8 +35,9 @@ derivatives are compared with central differences with sixty digits, each multip
 Outputs of the same kind are measured relative to the largest of them. This detects every rounding
 error, cancellation and overflow, and every incorrect derivative rule. It does not detect the
 truncation error of a series, a quadrature or a fixed number of steps, which the reference repeats:
-the [edge cases](../reference/hard_cases.md) do, because their references are computed from other
-formulas. Near a singularity the condition number of a derivative is an estimate.
+the [edge cases](https://jaxspace.github.io/jaxspace/latest/reference/hard_cases/) do, because their
+references are computed from other formulas. Near a singularity the condition number of a derivative
+is an estimate.
 """
 TABLE = """
 | Function | Inputs | Value | Inputs | Derivatives |
