@@ -49,6 +49,7 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractBody, AbstractCondition, AbstractEffect, BodyState, Load
 from ..core import NumberField, OptionalNumberField, Scalar, Vector, quantity, reference
+from ..core.safe import safe_divide
 from ..core.square_roots import inverse_sqrt, sqrt
 from ..core.squares import quotient, unit_factor
 from ..core.vectors import axis, components, cross, dot, inverse_norm, norm, scale, unit
@@ -228,7 +229,7 @@ class _Orbit(eqx.Module):
         tau, tilt = scale(share, side), share * norm(side)
         e, p = eccentricity_vector(r, v, mu), quotient(dot(h, h), mu)
         per_a = 2.0 * inverse_norm(r) - quotient(dot(v, v), mu)
-        return cls(r, v, mu, h, e, tau, tilt, unit(side), p, per_a)
+        return cls(r, v, mu, h, e, tau, tilt, _flat_unit(side), p, per_a)
 
     def over_velocity(
         self, p: Scalar, per_a: Scalar, half_e: Vector, half_tau: tuple[Scalar, Scalar] | None
@@ -247,6 +248,23 @@ class _Orbit(eqx.Module):
             over_h = over_h + part - scale(along, unit(self.h) + axis(2, along))
         across = scale(per_mu, cross(self.h, half_e))
         return cross(over_h, self.r) + across - scale(per_a * per_mu, self.v)
+
+
+@jax.custom_jvp
+def _flat_unit(a: Vector) -> Vector:
+    """`unit` of a vector without a third component."""
+    return unit(a)
+
+
+@_flat_unit.defjvp
+def _flat_unit_rule(primals: tuple[Vector], tangents: tuple[Vector]) -> tuple[Vector, Vector]:
+    # By the angle, because the part of the change across the direction would be a difference, which
+    # leaves no digit of the small component.
+    (a,), (da,) = primals, tangents
+    u = unit(a)
+    x, y, z = components(u)
+    dx, dy, _ = components(da)
+    return u, scale(safe_divide(x * dy - y * dx, norm(a)), jnp.stack([-y, x, z]))
 
 
 @final

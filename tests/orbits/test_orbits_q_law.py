@@ -265,13 +265,16 @@ def test_a_tilt_whose_components_no_float32_holds():
         return steering.direction(BodyState(y[:3], y[3:]))
 
     steering = law(softening=50.0)
-    z = jnp.asarray(1e-3)
-    expected = direction(steering, z, 0.0 * z)
-    slope = 1e27 * jax.jacfwd(direction, 2)(steering, z, 0.0 * z)
     single = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), steering)
-    z = jnp.asarray(1e-34, jnp.float32)
-    np.testing.assert_allclose(direction(single, z, 0.0 * z), expected, atol=1e-5)
-    z = jnp.asarray(1e-30, jnp.float32)
-    for mode in (jax.jacfwd, jax.jacrev):
-        found = mode(direction, 2)(single, z, 0.0 * z)
-        np.testing.assert_allclose(found[2], slope[2], rtol=1e-5)
+    # At the node, and nearly a right angle before it, where the part of the change across the node
+    # is small.
+    for turned in (0.0, 12.0):
+        z = jnp.asarray(1e-20)
+        expected = direction(steering, z, turned * z)
+        slope = 1e10 * jax.jacfwd(direction, 2)(steering, z, turned * z)
+        z = jnp.asarray(1e-34, jnp.float32)
+        np.testing.assert_allclose(direction(single, z, turned * z), expected, atol=1e-5)
+        z = jnp.asarray(1e-30, jnp.float32)
+        for mode in (jax.jacfwd, jax.jacrev):
+            found = mode(direction, 2)(single, z, turned * z)
+            np.testing.assert_allclose(found[2], slope[2], rtol=1e-5)
