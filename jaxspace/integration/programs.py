@@ -37,7 +37,9 @@ class Limit(NamedTuple):
 
 ROLLED_FROM = {
     Runs.DERIVATIVE_OF_ONE: Limit(
-        0, "the first call is mostly compilation, of three copies of the step"
+        0,
+        "the first call is mostly compilation: the step occurs in the run, in its monitored "
+        "tangents and in the replay",
     ),
     Runs.ONE_CLOSED_LOOP: Limit(0, "compiling unrolled stages takes longer than a run"),
     Runs.ONE_RECORDED: Limit(
