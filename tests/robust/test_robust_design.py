@@ -435,7 +435,7 @@ def test_small_values_may_be_bad():
         mine, other = (
             s.measured(np.asarray(v), np.asarray(good)) for s, v in ((lower, x), (upper, -x))
         )
-        np.testing.assert_allclose(mine.objective, -other.objective, rtol=1e-14)
+        np.testing.assert_allclose(mine.value, -other.value, rtol=1e-14)
         np.testing.assert_allclose(mine.influence, -other.influence, rtol=1e-14)
     assert CVaR("y", 0.95, lower=True).text() == "mean of the lowest 5 % of y"
     assert Worst("y", lower=True).text() == "least y"

@@ -94,10 +94,15 @@ def test_its_attitude_has_a_derivative_by_the_mass_as_the_inertia_goes_with_it()
 
 
 def test_a_coast_below_the_dry_mass_is_outside_of_the_model():
+    """A single run is rejected before it starts; in a batch only the row is marked."""
     scene, y = coasting()
-    y = dataclasses.replace(y, mass=jnp.array(1000.0))
-    run = simulate(scene, y, jnp.array([0.0, 10.0]), throw=False)
-    assert run.status == Status.OUTSIDE_MODEL
+    ts = jnp.array([0.0, 10.0])
+    light = dataclasses.replace(y, mass=jnp.array(1000.0))
+    with pytest.raises(InputError, match="^y0.mass is below the mass without propellant"):
+        simulate(scene, light, ts, throw=False)
+    both = jax.tree.map(lambda *x: jnp.stack(x, axis=-1), y, light)
+    run = simulate_batch(scene, both, ts)
+    np.testing.assert_array_equal(run.status, [Status.COMPLETED, Status.OUTSIDE_MODEL])
 
 
 def test_a_scene_without_attitude_carries_none():
