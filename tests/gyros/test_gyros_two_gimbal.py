@@ -164,8 +164,11 @@ def test_equations_are_those_of_the_lagrangian():
 
 
 def test_gimbal_lock_needs_gimbals_without_mass():
-    locked = state(BARE, 0.0, 0.0, 1.0, 0.0)
-    assert not np.isfinite(BARE.outer_rate(locked))
+    with pytest.raises(InputError, match="theta is 0 rad, gimbal lock"):
+        state(BARE, 0.0, 0.0, 1.0, 0.0)
+    # In a batch only the run that is locked has no rate.
+    locked = state(BARE, np.array([0.0, 0.5]), 0.0, 1.0, 0.0)
+    np.testing.assert_array_equal(np.isfinite(BARE.outer_rate(locked)), [False, True])
     through = state(HEAVY, 0.5, 0.0, -200.0, 0.0)
     states = run(HEAVY, through, np.linspace(0.0, 0.01, 11))
     assert np.min(states.theta) < 0.0 and np.all(np.isfinite(states.psi))
