@@ -15,7 +15,8 @@ PICTURE = re.compile(r"\]\(\.\./(figures/\w+\.png)\)")
 SITE = "https://jaxspace.github.io/jaxspace/latest/"
 # Colab opens what lies in a repository: the branch of the published pages.
 COLAB = "https://colab.research.google.com/github/jaxspace/jaxspace/blob/gh-pages/latest/tutorials/"
-INSTALL = '%pip install --quiet "jaxspace[app]"'
+# From the repository until the first release is on the package index.
+INSTALL = '%pip install --quiet "jaxspace[app] @ git+https://github.com/jaxspace/jaxspace"'
 
 
 def on_files(files, config):
