@@ -18,7 +18,7 @@ export NO_MKDOCS_2_WARNING := true
 # The tests start Python a hundred times: each start would compile all sources of the package again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all beyond processors quick lint format types docs unit sweep faults costs hunt bench validation
+.PHONY: demo test test-all beyond processors quick lint format types docs unit sweep faults costs fuzz bench validation
 .PHONY: lowest release-check manual keep-bench clean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
@@ -73,11 +73,11 @@ costs: $(VENV)/.test  ## measure what each test takes, and so which of them `tes
 	@rm -rf .programs
 	@$(PYTEST) --write-costs --part quick
 
-hunt: $(VENV)/.test  ## search for the worst errors of all closed forms, a silent NaN, wrong derivatives at rest
-	@$(BIN)/python tests/hunt.py
-	@$(BIN)/python tests/nan_hunt.py
-	@$(BIN)/python tests/slope_hunt.py
-	@$(BIN)/python tests/single_hunt.py
+fuzz: $(VENV)/.test  ## search for the worst errors of all closed forms, a silent NaN, wrong derivatives at rest
+	@$(BIN)/python tests/fuzz_errors.py
+	@$(BIN)/python tests/fuzz_nan.py
+	@$(BIN)/python tests/fuzz_slopes.py
+	@$(BIN)/python tests/fuzz_single.py
 
 validation: $(VENV)/.test $(VENV)/.bench  ## the numbers of others beside ours, and their page of the manual
 	@$(BIN)/python -m validation

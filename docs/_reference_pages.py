@@ -293,8 +293,8 @@ HARD_CASES = """\
 modes, prints the errors, and returns exit status 1 if a case fails. `--precision float32` does the
 same in single precision, and lists the excluded cases; `--device gpu` uses a GPU. In Python, use
 `jaxspace.verification.run_cases()`; `verify(system, y0, span)` in the same package checks the laws
-of motion for user-defined systems and scenes. [Fuzz testing](../explanation/hunt.md) searches for
-further critical inputs.
+of motion for user-defined systems and scenes. [Fuzz testing](../explanation/fuzz_testing.md)
+searches for further critical inputs.
 
 The table lists the allowed errors in units of the rounding error. The error of a value is divided
 by the condition number of the case, so that 1 is the effect of rounding the inputs; the error of a

@@ -11,7 +11,7 @@ from mkdocs.structure.files import File
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-import hunt_page  # noqa: E402
+import fuzz_page  # noqa: E402
 
 from jaxspace.core.modules import public_names  # noqa: E402
 
@@ -20,10 +20,10 @@ HEAD = """\
 # Equation reference
 
 The closed forms of the library: the equations from the docstrings, their sources, and the largest
-errors found by [fuzz testing](hunt.md), for the value and for its derivatives in both modes. Errors
-are in units of the rounding error (2.2e-16) times the condition number: the effect of rounding the
-inputs is about 1. The search evaluated {functions} functions at {places:,} inputs; the worst inputs
-are listed on its page. The symbols and their units are defined in the docstrings.
+errors found by [fuzz testing](fuzz_testing.md), for the value and for its derivatives in both
+modes. Errors are in units of the rounding error (2.2e-16) times the condition number: the effect of
+rounding the inputs is about 1. The search evaluated {functions} functions at {places:,} inputs; the
+worst inputs are listed on its page. The symbols and their units are defined in the docstrings.
 """
 TABLE = """\
 | Computed by | Value | Derivatives |
@@ -43,11 +43,11 @@ def on_files(files, config):
 def wall() -> str:
     """The page: a section of each package, in it one of each file."""
     rows = [
-        r for r in hunt_page.stored().values() if r["package"] != "systems"
+        r for r in fuzz_page.stored().values() if r["package"] != "systems"
     ]
     places = sum(row["places"] for row in rows)
     parts = [HEAD.format(places=places, functions=len(rows))]
-    for package, title in hunt_page.TITLES.items():
+    for package, title in fuzz_page.TITLES.items():
         files: dict[str, list[dict]] = {}
         for row in rows:
             if row["package"] == package:
@@ -86,6 +86,6 @@ def section(module: str, rows: list[dict]) -> str:
 def line(row: dict) -> str:
     """The names that a form computes, and its worst errors."""
     names = (name.partition(".")[2] for name in row["computes"])
-    figures = (hunt_page.figure(row[key]) for key in ("value", "slopes"))
+    figures = (fuzz_page.figure(row[key]) for key in ("value", "slopes"))
     cells = (", ".join(f"`{name}`" for name in names), *figures)
     return f"| {' | '.join(cells)} |"

@@ -1,5 +1,5 @@
-"""Samples of the systems and effects beside the registry of `systems.py`, which the hunts search
-too. Their laws have tests of their own."""
+"""Samples of the systems and effects beside the registry of `systems.py`, which the fuzz tests
+search too. Their laws have tests of their own."""
 
 import dataclasses
 

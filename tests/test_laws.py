@@ -4,11 +4,11 @@ without a new test."""
 import functools
 
 import equinox as eqx
+import fuzz_slopes
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import slope_hunt
 from systems import SAMPLES
 
 from jaxspace.rotations import Quaternion
@@ -190,13 +190,13 @@ def test_a_batch_is_its_runs(name, key):
         assert_near(lane(batch.final, i), single.final, 1e-7)
 
 
-# One of those whose tangents grow from rest; `make hunt` looks at all.
+# One of those whose tangents grow from rest; `make fuzz` looks at all.
 @pytest.mark.parametrize(
     "name", [pytest.param(s.name, marks=SWEEP[s.name != "two_gimbal_gyro"]) for s in SAMPLES]
 )
 def test_derivatives_where_the_motion_leaves_nothing_to_resolve(name):
     """At rest, on straight lines, and where parameters are zero; both modes, by every array."""
-    found = slope_hunt.look(BY_NAME[name])
+    found = fuzz_slopes.look(BY_NAME[name])
     assert not [x for x in found if x.wrong]
 
 

@@ -68,7 +68,7 @@ UNFOLDED = re.compile(
     r"^::: .*?(?=^\S|\Z)|^```.*?^ *```$|\$\$.*?\$\$|`[^`\n]*`|\]\([^)]*\)", re.MULTILINE | re.DOTALL
 )
 WHOLE_LINE = ("|", "!", "[!", "<")
-WRITTEN_BY_PROGRAMS = {"benchmarks.md", "hunt.md", "requested.md", "validation.md"}
+WRITTEN_BY_PROGRAMS = {"benchmarks.md", "fuzz_testing.md", "requested.md", "validation.md"}
 
 
 @pytest.mark.parametrize("page", MANUAL)

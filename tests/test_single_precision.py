@@ -8,12 +8,12 @@ import math
 from typing import get_args
 
 import equinox as eqx
+import fuzz_single
 import jax
 import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
-import single_hunt
 from more_systems import MORE
 from systems import GYRO, SAMPLES
 
@@ -58,7 +58,7 @@ FIRST = [
 ]
 
 
-single = single_hunt.single
+single = fuzz_single.single
 
 
 def everything():
@@ -184,7 +184,7 @@ def test_the_body_of_the_manual_keeps_single_precision():
         assert {x.dtype for x in jax.tree.leaves((flow, rate))} == {np.dtype(np.float32)}
 
 
-# Some of `single_hunt.py`, which searches all of them for longer.
+# Some of `fuzz_single.py`, which searches all of them for longer.
 SINGULAR = (
     *("arctangent", "length", "direction", "quotient", "kepler", "elements", "constants"),
     *("cones", "coast", "plane_change", "turning_by_gravity"),
@@ -195,13 +195,13 @@ SINGULAR = (
 @pytest.mark.parametrize("name", SINGULAR)
 def test_closed_forms_next_to_their_singular_places(name):
     """Values and both modes of derivatives where squares underflow, in roundings times the
-    condition number: as many as a search may find (`single_hunt.DEFECT`), because each formula
+    condition number: as many as a search may find (`fuzz_single.DEFECT`), because each formula
     rounds some tens of times."""
-    (subject,) = single_hunt.subjects([name], places=60)
-    found = single_hunt.hunt(subject)
+    (subject,) = fuzz_single.subjects([name], places=60)
+    found = fuzz_single.search(subject)
     assert not found.promotes
-    assert found.value < single_hunt.DEFECT, found.inputs
-    assert found.slope < single_hunt.DEFECT, found.slope_inputs
+    assert found.value < fuzz_single.DEFECT, found.inputs
+    assert found.slope < fuzz_single.DEFECT, found.slope_inputs
 
 
 # Where a search found more roundings than that: beside singular places, or where products left the
@@ -238,9 +238,9 @@ PLACES = [
 
 @pytest.mark.parametrize(("name", "place"), PLACES, ids=[name for name, _ in PLACES])
 def test_closed_forms_at_places_found_by_the_search(name, place):
-    (subject,) = single_hunt.subjects([name], places=1)
-    place = single_hunt.single_numbers([place])
-    found = single_hunt.judge(subject, place, np.random.default_rng(0))
+    (subject,) = fuzz_single.subjects([name], places=1)
+    place = fuzz_single.single_numbers([place])
+    found = fuzz_single.judge(subject, place, np.random.default_rng(0))
     assert found.value < 30.0
     assert found.slope < 30.0
 
@@ -393,15 +393,15 @@ def test_orbits_of_the_sun_and_of_small_lengths_in_metres(name, length, mu):
     range of float32."""
     sizes = {"L": length, "V": math.sqrt(mu / length), "T": length * math.sqrt(length / mu)}
     sizes |= {"M": mu, "0": 1.0}
-    (subject,) = single_hunt.subjects([name], places=24)
+    (subject,) = fuzz_single.subjects([name], places=24)
     key = np.random.default_rng(0)
     starts = np.asarray(subject.form.starts, float)
     shares = 10.0 ** key.uniform(-6.0, -0.5, (24, starts.shape[1]))
     x = starts[np.arange(24) % len(starts)]
     x = np.where(x == 0.0, shares, x * (1.0 + shares)) * [sizes[kind] for kind in SOLAR[name]]
-    found = single_hunt.judge(subject, single_hunt.single_numbers(x), key)
-    assert found.value < single_hunt.DEFECT, found.inputs
-    assert found.slope < single_hunt.DEFECT, found.slope_inputs
+    found = fuzz_single.judge(subject, fuzz_single.single_numbers(x), key)
+    assert found.value < fuzz_single.DEFECT, found.inputs
+    assert found.slope < fuzz_single.DEFECT, found.slope_inputs
 
 
 @pytest.mark.parametrize("temperature", [216.44, 216.65, 250.0, 288.0])

@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
 
 import _wall_page  # noqa: E402
-import hunt_page  # noqa: E402
+import fuzz_page  # noqa: E402
 
 from validation import flights, nesc, page  # noqa: E402
 from validation._from_tests import OfTest  # noqa: E402
@@ -75,7 +75,7 @@ def test_a_course_is_held_against_the_nearest_simulator():
 
 
 def test_the_wall_has_every_closed_form_with_its_errors_and_nearly_all_with_their_equations():
-    rows = [row for row in hunt_page.stored().values() if row["package"] != "systems"]
+    rows = [row for row in fuzz_page.stored().values() if row["package"] != "systems"]
     wall = _wall_page.wall()
     for row in rows:
         assert _wall_page.line(row) in wall, row["name"]

@@ -24,9 +24,9 @@ the difference that the source allows, with its reason. For vectors and time his
 component or time with the largest difference. A row that is not within its limit is marked
 **differs**, with an explanation. {judged}
 
-Errors with respect to exact values are listed in [fuzz testing](hunt.md) and [edge
-cases](../reference/hard_cases.md), and final errors as a function of the tolerance in [requested
-vs. achieved accuracy](requested.md).
+Errors with respect to exact values are listed in [fuzz testing](fuzz_testing.md) and
+[edge cases](https://jaxspace.github.io/jaxspace/latest/reference/hard_cases/), and final errors as
+a function of the tolerance in [requested vs. achieved accuracy](requested.md).
 """
 TABLE = """| Case | Source | Quantity | jaxspace | Reference | Difference | Allowed | |
 |---|---|---|--:|--:|--:|--:|---|"""

@@ -45,11 +45,11 @@ GROWN = {
     "eccentric": JUDGED + "1e-9 of the semi-major axis: roundings of a hundred periapses",
     "flow": JUDGED + "1e-12 of the distance",
     "transfer": JUDGED + "1e-12 of the speed",
-    "condition": "a hundred roundings of the start, from where on the hunt has a defect, as the "
-    "derivatives of two-body motion enlarge them",
+    "condition": "a hundred roundings of the start, the error from which a fuzz test reports a "
+    "defect, as the derivatives of two-body motion enlarge them",
 }
-# As the hunt has it, whatever the difference is.
-HUNTED = 100.0 * np.finfo(float).eps
+# The bound of the fuzz tests, whatever the difference is.
+FUZZ_BOUND = 100.0 * np.finfo(float).eps
 BY_CONDITION = ("position, in its length", "condition")
 
 
@@ -175,7 +175,7 @@ def days_of_brahe() -> list[Row]:
     theirs = of_others.by_brahe(_measure.optional("brahe"), np.concatenate([r, v]))()
     ours = kepler_flow(r, v, of_others.DAY, of_others.MU)[0]
     what = "Ellipses a day later, closed form"
-    allowed = HUNTED * condition(r, v, of_others.DAY)
+    allowed = FUZZ_BOUND * condition(r, v, of_others.DAY)
     return [relative(ours, theirs[:3], "brahe", what, *BY_CONDITION, allowed)]
 
 
@@ -183,7 +183,7 @@ def fields_of_brahe() -> list[Row]:
     """A low revolution in two fields, beside brahe's method of order 12."""
     brahe, y0 = _measure.optional("brahe"), of_others.low(FEW)
     assert y0.position is not None and y0.velocity is not None
-    allowed = HUNTED * condition(y0.position, y0.velocity, of_others.REVOLUTION)
+    allowed = FUZZ_BOUND * condition(y0.position, y0.velocity, of_others.REVOLUTION)
     fields = [("J2", of_others.oblate, "Low revolution under J2")]
     if _measure.optional("astrojax") is not None:
         what = "Low revolution in the field JGM-3 of degree and order 5"

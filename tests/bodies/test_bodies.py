@@ -430,8 +430,8 @@ def test_parallel_axes_of_one_body_about_many_points():
 
 
 def test_small_elements_of_a_tensor_keep_their_digits():
-    # The worst place that the hunt has found, by cofactors in exact arithmetic. It is no body's: as
-    # one of a batch it is not checked.
+    # The worst place that the fuzz test has found, by cofactors in exact arithmetic. No body has
+    # such a tensor: as one of a batch it is not checked.
     a, b, c, d = 0.9999921297958092, 0.9921837529278942, 1.000000000099643e-06, 0.9969452047205531
     e, f = 1.0006814770828135e-07, -3.110621906344668e-15
     h = [0.9714563355987967, 1.6450213952654131, -2.2504748748798353]

@@ -1,5 +1,5 @@
-"""The closed forms that the hunt searches: those of the hard cases, and those of the other public
-formulas. `public.py` says which public names that leaves out, and why."""
+"""The closed forms that the fuzz test searches: those of the hard cases, and those of the other
+public formulas. `public.py` says which public names that leaves out, and why."""
 
 from collections.abc import Callable
 
@@ -90,7 +90,7 @@ TWINS = {"two_stages": twins.two_stages, "quickest": twins.quickest}
 
 
 def forms() -> list[Form]:
-    """All that the hunt searches, without the systems."""
+    """All that the fuzz test searches, without the systems."""
     starts: dict[Callable, list[tuple[float, ...]]] = {}
     for case in CASES:
         if case.function.__name__ in OF_CASES:

@@ -1,4 +1,4 @@
-"""One closed form as the hunt sees it: a function of numbers, and where it starts to search."""
+"""One closed form for the fuzz test: a function of numbers, and the inputs at which it starts."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

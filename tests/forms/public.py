@@ -1,4 +1,4 @@
-"""The public names of the packages with formulas, and those that the hunt leaves out."""
+"""The public names of the packages with formulas, and those that the fuzz test leaves out."""
 
 import importlib
 import inspect

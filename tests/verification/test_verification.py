@@ -1,4 +1,4 @@
-"""The hard cases, the laws and the hunt: a sample of each, and that each of them can fail."""
+"""The hard cases, the laws and the fuzz tests: a sample of each, and that each of them can fail."""
 
 import dataclasses
 import fnmatch
@@ -10,12 +10,12 @@ import equinox as eqx
 import forms
 import forms.public
 import forms.systems
-import hunt
-import hunt_page
+import fuzz_errors
+import fuzz_nan
+import fuzz_page
 import jax
 import jax.numpy as jnp
 import mp_trace
-import nan_hunt
 import numpy as np
 import pytest
 import truths
@@ -175,7 +175,7 @@ def test_the_laws_refuse_single_precision():
         verify(orbit.system, jnp.float32(1.0), 1.0)
 
 
-# The hunt.
+# The fuzz tests.
 
 
 def test_the_trace_in_mpmath_is_the_function():
@@ -190,10 +190,10 @@ def test_the_trace_in_mpmath_is_the_function():
             )
 
 
-FEW = hunt.Limits(places=8, ascents=6, slopes=3)
+FEW = fuzz_errors.Limits(places=8, ascents=6, slopes=3)
 
 
-def test_the_hunt_finds_nothing_in_a_sample_and_a_loss_where_there_is_one():
+def test_the_search_finds_nothing_in_a_sample_and_a_loss_where_there_is_one():
     def lossy(x):
         return (1.0 - jnp.cos(x[:1])) / x[:1] ** 2
 
@@ -203,34 +203,36 @@ def test_the_hunt_finds_nothing_in_a_sample_and_a_loss_where_there_is_one():
     names = ("exponential_quotient", "quickest", "principal_moments", "best_ratio")
     some = [form for form in forms.forms() if form.name in names]
     assert len(some) == len(names)
-    with mp.workdps(hunt.DIGITS):
-        rows = [hunt.hunt(hunt.Subject(form), FEW) for form in some]
+    with mp.workdps(fuzz_errors.DIGITS):
+        rows = [fuzz_errors.search(fuzz_errors.Subject(form), FEW) for form in some]
         for row in rows:
             assert row.places > 8 and row.slope_places > 0, row
-            assert row.value < hunt_page.DEFECT and row.slopes < hunt_page.DEFECT, row
-        bad = hunt.hunt(hunt.Subject(Form(lossy, ("core.lossy",), [(1e-5,)])), FEW)
-        assert bad.value > hunt_page.DEFECT and bad.slopes > hunt_page.DEFECT
+            assert row.value < fuzz_page.DEFECT and row.slopes < fuzz_page.DEFECT, row
+        bad = fuzz_errors.search(fuzz_errors.Subject(Form(lossy, ("core.lossy",), [(1e-5,)])), FEW)
+        assert bad.value > fuzz_page.DEFECT and bad.slopes > fuzz_page.DEFECT
         # A kink and the end of a range are no error.
-        odd = hunt.hunt(hunt.Subject(Form(kinked, ("core.kinked",), [(1.0,), (0.0,)])), FEW)
-        assert odd.value < hunt_page.DEFECT and odd.slopes < hunt_page.DEFECT
-    page = hunt_page.page([*rows, bad])
+        odd = fuzz_errors.search(
+            fuzz_errors.Subject(Form(kinked, ("core.kinked",), [(1.0,), (0.0,)])), FEW
+        )
+        assert odd.value < fuzz_page.DEFECT and odd.slopes < fuzz_page.DEFECT
+    page = fuzz_page.page([*rows, bad])
     assert all(row.name in page for row in (*rows, bad))
     assert str(bad.inputs[0]) in page and str(rows[0].inputs[0]) not in page
 
 
-def test_the_hunt_rounds_a_vector_by_its_length():
+def test_the_search_rounds_a_vector_by_its_length():
     # Along itself the derivative of a direction vanishes, and a rounding of 1 is left.
     place = (-2.777988453424925e-10, -2.3458952040163563e-16, 0.0013241234888774634)
 
     def error(vectors):
-        subject = hunt.Subject(Form(unit, ("core.unit",), [place], vectors=vectors))
+        subject = fuzz_errors.Subject(Form(unit, ("core.unit",), [place], vectors=vectors))
         return subject.slope_error(np.array(place), np.random.default_rng(0))
 
-    with mp.workdps(hunt.DIGITS):
-        assert error((3,)) < 2.0 and error(()) > hunt_page.DEFECT
+    with mp.workdps(fuzz_errors.DIGITS):
+        assert error((3,)) < 2.0 and error(()) > fuzz_page.DEFECT
 
 
-def test_the_hunt_finds_a_wrong_rule_of_a_derivative_and_a_silent_nan():
+def test_the_search_finds_a_wrong_rule_of_a_derivative_and_a_silent_nan():
     @jax.custom_jvp
     def square(x):
         return x * x
@@ -240,22 +242,22 @@ def test_the_hunt_finds_a_wrong_rule_of_a_derivative_and_a_silent_nan():
     def holed(x):
         return jnp.where(x[:1] == 2.0, jnp.nan, x[:1]) * 1.0
 
-    with mp.workdps(hunt.DIGITS):
-        subject = hunt.Subject(Form(lambda x: square(x[:1]), ("core.square",), [(3.0,)]))
-        found = hunt.hunt(subject, FEW)
-        assert found.value < hunt_page.DEFECT < found.slopes
+    with mp.workdps(fuzz_errors.DIGITS):
+        subject = fuzz_errors.Subject(Form(lambda x: square(x[:1]), ("core.square",), [(3.0,)]))
+        found = fuzz_errors.search(subject, FEW)
+        assert found.value < fuzz_page.DEFECT < found.slopes
         # The twin has a value where the function has none.
-        subject = hunt.Subject(Form(holed, ("core.holed",), [(2.0,)], exact=lambda x: x[:1]))
+        subject = fuzz_errors.Subject(Form(holed, ("core.holed",), [(2.0,)], exact=lambda x: x[:1]))
         assert subject.error(np.array([2.0])) == math.inf
 
 
-def test_every_public_formula_is_hunted_or_left_out_for_a_reason():
+def test_every_public_formula_is_searched_or_left_out_for_a_reason():
     every = (*forms.forms(), *forms.systems.forms())
-    hunted = {name for form in every for name in form.computes}
+    searched = {name for form in every for name in form.computes}
     public = forms.public.public_names()
-    rest = public - hunted
+    rest = public - searched
     left_out = forms.public.left_out(rest)
-    assert hunted <= public
+    assert searched <= public
     assert rest == {name for some in left_out.values() for name in some}
     patterns = [p for some in forms.public.LEFT_OUT.values() for p in some]
     idle = [p for p in patterns if not any(fnmatch.fnmatch(name, p) for name in rest)]
@@ -276,20 +278,20 @@ def test_every_public_formula_is_hunted_or_left_out_for_a_reason():
     "sample", [s for s in SAMPLES if not s.sweep], ids=lambda sample: sample.name
 )
 def test_no_run_ends_well_and_is_no_number(sample):
-    legal, illegal = nan_hunt.count(sample, 24)
+    legal, illegal = fuzz_nan.count(sample, 24)
     for row in (legal, illegal):
         assert row.silent == row.wrong == 0, row
         assert row.good + sum(row.failed.values()) == row.runs
     assert legal.refused == 0 < illegal.refused
     assert sum(illegal.failed.values()) >= illegal.runs // 3
-    page = nan_hunt.page([legal, illegal])
+    page = fuzz_nan.page([legal, illegal])
     assert page.count(sample.name) == 2
 
 
 def test_a_number_that_is_not_legal_is_refused_or_ends_with_a_status():
     sample = next(s for s in SAMPLES if s.name == "two_body")
     key = np.random.default_rng(0)
-    (system, state), refused = nan_hunt.poisoned(*nan_hunt.legal_inputs(sample, 64, key), key)
+    (system, state), refused = fuzz_nan.poisoned(*fuzz_nan.legal_inputs(sample, 64, key), key)
     mu = np.asarray(system.mu)
     # What construction refuses is the parameter; the state is read by the run.
     assert np.array_equal(refused, ~(np.isfinite(mu) & (mu > 0.0)))

@@ -1,4 +1,4 @@
-"""The hunt in single precision: `python tests/single_hunt.py [--places N] [--units] [NAME ...]`.
+"""Fuzz test in single precision: `python tests/fuzz_single.py [--places N] [--units] [NAME ...]`.
 
 Each closed form and each system (`forms/`) at and next to its singular places: what is zero there
 becomes a number down to 1e-37, whose square no float32 holds, and the others move by some roundings
@@ -16,7 +16,7 @@ import sys
 from typing import NamedTuple
 
 import equinox as eqx
-import hunt_page
+import fuzz_page
 import jax
 import jax.numpy as jnp
 import np_trace
@@ -37,7 +37,7 @@ _OF_BOTH = (
     *("gyro_rates", "burning_stage", "rolling_disk", "stable_platform"),
 )
 NOTES: dict[str, str] = {
-    **{name: hunt_page.NOTES[name] for name in _OF_BOTH},
+    **{name: fuzz_page.NOTES[name] for name in _OF_BOTH},
     **dict.fromkeys(
         ("cubic_period", "large_nutation"),
         "a tilt from the separatrix, an axis or the vertical below 1e-19, whose square no number "
@@ -159,7 +159,7 @@ def units(subject: Subject, x, key: np.random.Generator):
     return single_numbers(x * 10.0**powers)
 
 
-def hunt(subject: Subject, in_units: bool = False, seed: int = 0) -> Found:
+def search(subject: Subject, in_units: bool = False, seed: int = 0) -> Found:
     """The worst of random places."""
     key = np.random.default_rng(seed)
     x = near(subject.form, subject.places, key)
@@ -250,7 +250,7 @@ def main() -> int:
     asked = parser.parse_args()
     defect = False
     for subject in subjects(asked.names, asked.places):
-        row = hunt(subject, asked.units)
+        row = search(subject, asked.units)
         name = subject.form.name
         print(f"{name}: {row.value:.3g}, derivatives {row.slope:.3g}", flush=True)
         if max(row.value, row.slope) > DEFECT:

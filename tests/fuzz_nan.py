@@ -1,9 +1,9 @@
-"""No silent NaN: `python tests/nan_hunt.py [--runs N] [NAME ...]`.
+"""No silent NaN: `python tests/fuzz_nan.py [--runs N] [NAME ...]`.
 
 For each system of the registry so many legal inputs, and so many with one number that is not legal:
 not finite, outside the range that its field declares, or far out. Every run has to end finite, with
 its invariants kept and its model never left, or with a `Status` that says why it did not. What it
-counts it keeps in `nan_hunt.json`, from which it writes the page
+counts it keeps in `fuzz_nan.json`, from which it writes the page
 `docs/explanation/no_silent_nan.md` of the manual; with names it renews the rows of these systems
 alone. It ends with status 1 where a run ends good and is not finite, or not right."""
 
@@ -38,7 +38,7 @@ SAVED = 9
 NOT_FINITE = (np.nan, np.inf, -np.inf)
 FAR_OUT = (1e300, -1e300)
 PAGE = Path(__file__).parents[1] / "docs" / "explanation" / "no_silent_nan.md"
-RECORD = Path(__file__).parent / "nan_hunt.json"
+RECORD = Path(__file__).parent / "fuzz_nan.json"
 
 
 class Counts(NamedTuple):
@@ -233,7 +233,7 @@ def _remains(system, states, ts, chosen, change):
 HEAD = """# NaN handling
 
 The states of a successful run are finite, and a failed run has a `Status` that gives the cause.
-`make hunt` searches for exceptions, and writes this page: the columns *Silent NaN* and *Wrong* must
+`make fuzz` searches for exceptions, and writes this page: the columns *Silent NaN* and *Wrong* must
 be zero.
 
 Each system of the registry is simulated with random valid inputs (parameters from half to twice

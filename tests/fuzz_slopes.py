@@ -1,4 +1,4 @@
-"""Derivatives where the motion leaves nothing to resolve: `python tests/slope_hunt.py [NAME ...]`.
+"""Derivatives where the motion leaves nothing to resolve: `python tests/fuzz_slopes.py [NAME ...]`.
 
 For each system of the registry: each array that may be zero set to zero, those of its parameters
 alone or together, those of its state, and all, so that it is at rest, or on a straight line, or

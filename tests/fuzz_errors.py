@@ -1,15 +1,15 @@
-"""The hunt: searches for the inputs at which the closed forms and the systems are worst.
+"""Fuzz test: searches for the inputs at which the closed forms and the systems are worst.
 
-`python tests/hunt.py [--seconds S] [NAME ...]`: S of search for each function (`forms/`).
+`python tests/fuzz_errors.py [--seconds S] [NAME ...]`: S of search for each function (`forms/`).
 
 For each function random inputs, also close to its singular places; then steps from the worst of
 them to worse ones. The error is measured in roundings of the value times the condition number, for
 which a vector is rounded by its length, against the same formulas in forty digits (`mp_trace.py`),
 and so are both modes of differentiation, against central differences in forty digits.
 
-What it finds it keeps in `hunt.json`, from which it writes the page of the manual
-`docs/explanation/hunt.md`; with names it renews their rows alone. It ends with status 1 where a
-value or a derivative is off by more than 100 and no note says why."""
+What it finds it keeps in `fuzz_errors.json`, from which it writes the page of the manual
+`docs/explanation/fuzz_testing.md`; with names it renews their rows alone. It ends with status 1
+where a value or a derivative is off by more than 100 and no note says why."""
 
 import argparse
 import sys
@@ -18,7 +18,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import hunt_page
+import fuzz_page
 import jax
 import jax.numpy as jnp
 import mp_trace
@@ -115,8 +115,8 @@ class Subject:
             size = np.abs(value) + np.abs(forward) @ self.lengths(x)
             found = _roundings(value, truth, size, self.blocks)
             # Within some roundings of a jump, as by the sign of a half turn, either is right.
-            if found > hunt_page.DEFECT and any(
-                _roundings(value, beside, size, self.blocks) < hunt_page.DEFECT
+            if found > fuzz_page.DEFECT and any(
+                _roundings(value, beside, size, self.blocks) < fuzz_page.DEFECT
                 for beside in self._beside(x)
             ):
                 return None
@@ -165,7 +165,7 @@ class Subject:
                 )
 
             found = error(key.choice([-1, 1], (2, len(x))))
-            if found < 0.3 * hunt_page.DEFECT:
+            if found < 0.3 * fuzz_page.DEFECT:
                 return found
             # Differences that depend on their step are no derivative: a kink, a square root's end.
             other = self._differences(at, some, STEP / 64)
@@ -227,7 +227,7 @@ def near(x: np.ndarray, key: np.random.Generator) -> np.ndarray:
     return np.where(x > 0.0, np.abs(moved), moved)
 
 
-def hunt(subject: Subject, limits: Limits, seed: int = 0) -> Worst:
+def search(subject: Subject, limits: Limits, seed: int = 0) -> Worst:
     """The worst of random places and of steps from the worst on."""
     key = np.random.default_rng(seed)
     seen: list[tuple[float, np.ndarray]] = []
@@ -285,7 +285,7 @@ def subjects(names: Sequence[str] = ()) -> Iterator[Subject]:
 
 
 def every() -> list[Form]:
-    """All that is hunted."""
+    """All that is searched."""
     # Here, because its arrays are made on import, in the precision that is set by then.
     from forms.systems import forms as systems
 
@@ -306,13 +306,13 @@ def main() -> int:
     defect = False
     for subject in subjects(asked.names):
         started = time.perf_counter()
-        row = hunt(subject, Limits(seconds=asked.seconds))
+        row = search(subject, Limits(seconds=asked.seconds))
         seconds = round(time.perf_counter() - started, 1)
         print(f"{row.name}: {row.value:.3g}, derivatives {row.slopes:.3g}; {seconds} s", flush=True)
-        hunt_page.keep(row)
-        explained = row.name in hunt_page.NOTES
-        defect = defect or max(row.value, row.slopes) > hunt_page.DEFECT and not explained
-    hunt_page.write([form.name for form in every()])
+        fuzz_page.keep(row)
+        explained = row.name in fuzz_page.NOTES
+        defect = defect or max(row.value, row.slopes) > fuzz_page.DEFECT and not explained
+    fuzz_page.write([form.name for form in every()])
     return int(defect)
 
 

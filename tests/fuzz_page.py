@@ -1,4 +1,5 @@
-"""What the hunt found: `hunt.json`, and the page `docs/explanation/hunt.md` of it."""
+"""The results of the fuzz test: `fuzz_errors.json`, and their page
+`docs/explanation/fuzz_testing.md`."""
 
 import json
 from collections.abc import Sequence
@@ -8,15 +9,15 @@ from typing import Any
 
 from forms.public import left_out, public_names
 
-PAGE = Path(__file__).parents[1] / "docs" / "explanation" / "hunt.md"
-RECORD = Path(__file__).parent / "hunt.json"
+PAGE = Path(__file__).parents[1] / "docs" / "explanation" / "fuzz_testing.md"
+RECORD = Path(__file__).parent / "fuzz_errors.json"
 # From here on the inputs are shown.
 SHOWN = 30.0
 DEFECT = 100.0
 
 HEAD = """# Fuzz testing
 
-`make hunt` searches for the inputs with the largest numerical errors of all formulas, and writes
+`make fuzz` searches for the inputs with the largest numerical errors of all formulas, and writes
 this page. Errors are in units of the rounding error (2.2e-16) times the condition number: the
 effect of rounding the inputs is about 1, and a value above 100 is a defect. The rounding error of a
 vector is relative to its norm, because a component that is nearly zero depends on the choice of
@@ -27,8 +28,8 @@ axes.
 ## Method
 
 For each function the search evaluates random inputs, including inputs at and near its
-singularities, and moves from the worst ones to worse ones. `python tests/hunt.py --seconds 60 NAME`
-searches longer.
+singularities, and moves from the worst ones to worse ones.
+`python tests/fuzz_errors.py --seconds 60 NAME` searches longer.
 
 The reference is an evaluation of the same formulas with forty digits. Forward- and reverse-mode
 derivatives are compared with central differences with sixty digits, each multiplied by its input.
@@ -107,12 +108,12 @@ def page(rows, missing: Sequence[str] = ()) -> str:
     parts.append("\n## Worst inputs\n\nInputs with an error above 30:\n\n")
     parts += [_place(r) for r in rows if max(r.value, r.slopes) > SHOWN] or ["- None.\n"]
     parts.append("\n## Excluded names\n\nPublic names that are not searched, by reason:\n\n")
-    hunted = {name for r in rows for name in r.computes}
-    for why, names in left_out(public_names() - hunted).items():
+    searched = {name for r in rows for name in r.computes}
+    for why, names in left_out(public_names() - searched).items():
         listed = ", ".join(f"`{name}`" for name in names)
         parts.append(f"- {why[0].upper()}{why[1:]}: {listed}.\n")
     if missing:
-        parts.append(f"\nStill to be searched by `make hunt`: {', '.join(missing)}.\n")
+        parts.append(f"\nStill to be searched by `make fuzz`: {', '.join(missing)}.\n")
     return "".join(parts)
 
 
