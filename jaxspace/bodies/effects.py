@@ -71,12 +71,12 @@ class AbstractEffect(AbstractParameters):
       "angular_momentum" (of the orbit, all components), "axial_angular_momentum" (its z component),
       "rotational_momentum" (of the body and its moving parts: of effects whose torques are
       internal); by default none. They are declared, because tracing cannot determine them.
-    - `felt`: whether an accelerometer in the body senses its acceleration; not so for gravity and
-      rotating axes, which act on all parts equally."""
+    - `uniform`: whether it accelerates all parts of the body equally, as gravity and rotating axes
+      do, so that an accelerometer in the body does not sense it."""
 
     # Without an annotation it is not a field of the class, and a subclass may make it one.
     keeps = frozenset[str]()
-    felt = True
+    uniform = False
 
     @abstractmethod
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

@@ -37,7 +37,7 @@ class RotatingFrame(AbstractEffect):
     a plumb line."""
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
-    felt: ClassVar[bool] = False
+    uniform: ClassVar[bool] = True
 
     omega: Float[Array, "3 *#runs"] = quantity("rad/s", doc="angular velocity of the axes, in them")
     centrifugal: bool = eqx.field(static=True, default=True)

@@ -154,7 +154,7 @@ class PowerLawForce(AbstractEffect):
     `Scene([PowerLawForce(k, n)])` is the textbook system of a point mass."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
-    felt: ClassVar[bool] = False
+    uniform: ClassVar[bool] = True
 
     coefficient: NumberField = quantity("", doc="k, in m^(n+1)/s^2; positive attracts")
     exponent: NumberField = quantity("", doc="n, of the distance")
@@ -186,7 +186,7 @@ class SphereGravity(AbstractEffect):
     through a body without a solid surface."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
-    felt: ClassVar[bool] = False
+    uniform: ClassVar[bool] = True
 
     mu: NumberField = quantity(
         "m^3/s^2",
@@ -222,7 +222,7 @@ class CentralPotential(AbstractEffect):
     the scene. The force is minus its derivative, and zero at the centre itself."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
-    felt: ClassVar[bool] = False
+    uniform: ClassVar[bool] = True
 
     function: Callable[[Scalar], Scalar]
 

@@ -122,7 +122,7 @@ class Oblateness(AbstractEffect):
     """Attraction by the oblateness (J2) of a body about the z axis."""
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy", "axial_angular_momentum"})
-    felt: ClassVar[bool] = False
+    uniform: ClassVar[bool] = True
 
     mu: NumberField = gravitational_parameter()
     j2: NumberField = quantity(

@@ -56,7 +56,7 @@ class PointGravity(AbstractEffect):
     keeps: ClassVar[frozenset[str]] = frozenset(
         {"energy", "angular_momentum", "axial_angular_momentum"}
     )
-    felt: ClassVar[bool] = False
+    uniform: ClassVar[bool] = True
 
     mu: NumberField = gravitational_parameter()
 

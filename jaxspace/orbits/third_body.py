@@ -86,7 +86,7 @@ class ThirdBody(AbstractEffect):
         metadata={"doc": "of the other body from the centre"}
     )
 
-    felt: ClassVar[bool] = False
+    uniform: ClassVar[bool] = True
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body

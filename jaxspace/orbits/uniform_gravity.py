@@ -31,7 +31,7 @@ class UniformGravity(AbstractEffect):
     )
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
-    felt: ClassVar[bool] = False
+    uniform: ClassVar[bool] = True
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body

@@ -95,7 +95,7 @@ class Zonals(AbstractEffect):
     """Attraction by the zonal harmonics of a body of revolution about the z axis, from J2 on."""
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy", "axial_angular_momentum"})
-    felt: ClassVar[bool] = False
+    uniform: ClassVar[bool] = True
 
     mu: NumberField = gravitational_parameter()
     harmonics: Float[Array, "degrees *#runs"] = quantity(

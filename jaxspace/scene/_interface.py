@@ -36,7 +36,7 @@ class AbstractScene(AbstractSystem):
     @abstractmethod
     def proper_acceleration(self, t: Scalar, y: BodyState) -> Vector:
         """Reading of an accelerometer at the centre of mass, m/s^2, (3, *runs), in inertial axes:
-        the acceleration without that of the effects that are not `felt`."""
+        the acceleration without that of the effects that are `uniform`."""
 
     @abstractmethod
     def start(self, y: BodyState) -> BodyState:

@@ -40,14 +40,14 @@ class Scaled(AbstractEffect):
     factor: NumberField = quantity("", doc="factor on the load")
     # Of the instance and not of the class, because it is that of the effect.
     keeps: frozenset[str] = eqx.field(static=True)  # pyright: ignore
-    felt: bool = eqx.field(static=True)  # pyright: ignore
+    uniform: bool = eqx.field(static=True)  # pyright: ignore
 
     def __init__(self, effect: AbstractEffect, factor: Scalar):
         self.effect = effect
         self.factor = factor
         check_types(self, "effect")
         self.keeps = effect.keeps
-        self.felt = effect.felt
+        self.uniform = effect.uniform
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         return jax.tree.map(lambda x: self.factor * x, self.effect.load(t, y, body))

@@ -182,7 +182,7 @@ class Scene(AbstractScene):
         return Load(**summed, parts_rate=rates)
 
     def proper_acceleration(self, t: Scalar, y: BodyState) -> Vector:
-        falling = [e.load(t, y, self.body).acceleration_N for e in self.effects if not e.felt]
+        falling = [e.load(t, y, self.body).acceleration_N for e in self.effects if e.uniform]
         free = _sum(falling)
         acceleration = self.vector_field(t, y).velocity
         return acceleration if free is None else acceleration - free

@@ -55,7 +55,7 @@ class GroundGravity(AbstractEffect):
     )
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
-    felt: ClassVar[bool] = False
+    uniform: ClassVar[bool] = True
 
     @classmethod
     @constructor(
