@@ -162,7 +162,8 @@ def _integrate_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[Trajectory
     run, of_run = eqx.filter_jvp(again, primals, tangents)
     # The derivatives of the times of a failed run, whose states are masked.
     of_ts = scaled(of_run.ts, nan_unless(run.status <= Status.EVENT))
-    return run, dataclasses.replace(of_run, ts=of_ts)
+    # Not by its constructor, because the tangents of integers are missing.
+    return run, eqx.tree_at(lambda x: x.ts, of_run, of_ts)
 
 
 def through_times_to_event(
