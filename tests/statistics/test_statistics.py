@@ -366,7 +366,7 @@ def test_table_figure_and_page_share_one_regression_for_each_output(tmp_path, mo
         return np.linalg.lstsq(a, b, **options)
 
     monkeypatch.setattr(_contributors, "np", SimpleNamespace(**vars(np)))
-    monkeypatch.setattr(_contributors.np, "linalg", SimpleNamespace(lstsq=lstsq))
+    monkeypatch.setattr(_contributors.np, "linalg", SimpleNamespace(lstsq=lstsq, qr=np.linalg.qr))
     d = dispersion(400, x=np.zeros(400))
     a, b = d.inputs["a"], d.inputs["b"]
     d = dispersion(400, x=a + b, y=a - 2.0 * b, z=a * a)
