@@ -53,6 +53,25 @@ def content(value: object, above: tuple[int, ...] = ()) -> Hashable:
     return _Same(value)
 
 
+def same_values(a: Hashable, b: Hashable) -> bool:
+    """Whether two keys of `content` differ in the types of numbers at most.
+
+    Functions may replace a number in their closures by an equal one of another type when they are
+    first called, as the schedules of optax do with their number of steps."""
+    return _with_floats(a) == _with_floats(b)
+
+
+def _with_floats(key: Hashable) -> Hashable:
+    match key:
+        case (kind, str(number)) if kind is float:
+            return (float, float.fromhex(number))
+        case (kind, int(number)) if kind is int:
+            return (float, float(number))
+        case tuple():
+            return tuple(map(_with_floats, key))
+    return key
+
+
 def _cell(cell: types.CellType, above: tuple[int, ...]) -> Hashable:
     try:
         return content(cell.cell_contents, above)

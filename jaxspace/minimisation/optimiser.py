@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import InputError, Scalar
 from ..core.jit import KEPT
-from ._same_function import content
+from ._same_function import content, same_values
 
 if TYPE_CHECKING:
     import optax
@@ -131,7 +131,7 @@ def kept_optimiser(optimiser: Any) -> Any:
     key = content(optimiser)
     found = _OPTIMISERS.pop(key, optimiser)
     # A dictionary in it, such as that of `optax.multi_transform`, may have changed.
-    if content(found) != key:
+    if not same_values(content(found), key):
         found = optimiser
     _OPTIMISERS[key] = found
     if len(_OPTIMISERS) > KEPT:

@@ -8,7 +8,7 @@ import optax
 import pytest
 
 from jaxspace.minimisation import Criterion, minimise
-from jaxspace.minimisation._same_function import content
+from jaxspace.minimisation._same_function import content, same_values
 from jaxspace.minimisation.optimiser import kept_optimiser
 
 PROGRAMS = []
@@ -92,7 +92,15 @@ def test_functions_of_the_same_content():
     assert content(adder(float("nan"))) == content(adder(float("nan")))
     assert content(functools.partial(max, 1)) == content(functools.partial(max, 1))
     assert content(functools.partial(max, 1)) != content(functools.partial(min, 1))
-    # Others are compared by identity, as a list, which may change.
-    for x, other in ((jnp.ones(2), jnp.ones(2)), ([1.0], [1.0])):
-        assert content(adder(x)) == content(adder(x))
-        assert content(adder(x)) != content(adder(other))
+    # Arrays are compared by identity, lists and dictionaries by what they contain at the time.
+    x = jnp.ones(2)
+    assert content(adder(x)) == content(adder(x)) != content(adder(jnp.ones(2)))
+    for make in (lambda: [1.0], lambda: {"a": 1.0}):
+        held = make()
+        before = content(adder(held))
+        assert before == content(adder(make()))
+        held.clear()
+        assert before != content(adder(held))
+    # As after the first call of a schedule of optax.
+    assert same_values(content(adder(100)), content(adder(100.0)))
+    assert not same_values(content(adder(100)), content(adder(101.0)))
