@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_campaign_commands import COAST
 from test_campaigns import CAMPAIGN, CHUNK, RUNS, SEED, fly
 
 from jaxspace.cli import main
@@ -114,23 +115,10 @@ def test_a_part_of_another_campaign_is_rejected(tmp_path):
     assert (other / "notes.txt").read_text() == "mine"
 
 
-SCENE = """
-title = "A coast"
-accuracy = 1e-6
-
-[planet]
-mu = "398600.4418 km^3/s^2"
-radius = "6378.137 km"
-
-[initial.orbit]
-periapsis_altitude = "400 mi"
-eccentricity = 0.1
-
-[[phase]]
-name = "coast"
-effects = ["point_gravity"]
-duration = "10 min"
-
+# Without a run that is rejected for a negative eccentricity.
+SCENE = (
+    COAST.partition("[dispersion]")[0]
+    + """
 [dispersion]
 runs = 2000
 seed = 3
@@ -139,6 +127,7 @@ outputs = ["periapsis_altitude"]
 [dispersion.inputs]
 "initial.orbit.eccentricity" = { distribution = "uniform", low = 0.05, high = 0.15 }
 """
+)
 
 
 @pytest.mark.usefixtures("settings_stay")
