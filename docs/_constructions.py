@@ -186,7 +186,8 @@ def statements(code: str) -> list[str]:
 
 def parameters(cls: type) -> list[inspect.Parameter]:
     """The arguments of the constructor."""
-    return list(inspect.signature(cls).parameters.values())
+    # Of `__init__`, because the `__new__` of a class that checks names accepts any.
+    return list(inspect.signature(cls.__init__).parameters.values())[1:]
 
 
 def default(cls: type, parameter: inspect.Parameter) -> str:

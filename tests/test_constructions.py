@@ -46,6 +46,16 @@ def test_the_table_lists_every_argument(constructions):
             assert cells[3], f"{path}.{name}"
 
 
+def test_every_argument_has_a_meaning(constructions):
+    """From its declaration, its `doc` metadata or an entry of the docstring, also for results."""
+    missing = []
+    for cls, path in constructions.classes().items():
+        rows = constructions.describe(cls, cls.__doc__ or "").splitlines()
+        table = [row for row in rows if row.startswith("| `")]
+        missing += [f"{path}.{row.split('`')[1]}" for row in table if row.endswith("|  |")]
+    assert not missing, "add an entry '- `name`, unit: meaning.' to the docstring of the class"
+
+
 def test_a_table_states_unit_range_and_default(constructions):
     rows = constructions.describe(InclineDisk, InclineDisk.__doc__)
     assert "| `radius` | m | positive and finite | required | r |" in rows

@@ -33,9 +33,11 @@ from ..core.vectors import cross, unit
 class ControlMomentGyros(AbstractEffect):
     """Single-gimbal control moment gyros in a body.
 
-    `Scene.start` adds the part `gimbals` to a state: the angles, rad, (gyros, *runs). A `steering`
-    is a function (t, y, torques) of the rates, rad/s, (gyros, *runs), where `torques` is the matrix
-    of `torque_matrix`; without it they turn at the constant `gimbal_rate`."""
+    `Scene.start` adds the part `gimbals` to a state: the gimbal angles, rad, (gyros, *runs).
+
+    - `steering`: a function (t, y, torques) that returns the gimbal rates, rad/s, (gyros, *runs);
+      `torques` is the matrix that `torque_matrix` returns. Without it the gimbals turn at the
+      constant `gimbal_rate`."""
 
     keeps: ClassVar[frozenset[str]] = frozenset(
         {"angular_momentum", "axial_angular_momentum", "rotational_momentum"}
@@ -51,7 +53,9 @@ class ControlMomentGyros(AbstractEffect):
     gimbal_angle: Float[Array, "gyros *#runs"] = quantity("rad", doc="d_i, at the start")
     gimbal_rate: Float[Array, "gyros *#runs"] = quantity("rad/s", doc="d_i', of each gimbal")
     steering: Callable[[Scalar, BodyState, Array], Array] | None = None
-    part: str = eqx.field(static=True, default="gimbals")
+    part: str = eqx.field(
+        static=True, default="gimbals", metadata={"doc": "name of its part of the state"}
+    )
 
     def start(self, y: BodyState, body: AbstractBody) -> dict[str, State]:
         del body

@@ -139,14 +139,16 @@ class MovingMasses(AbstractEffect):
     """Point masses that move in a body on given paths.
 
     The body's mass includes the moving masses. Its inertia is that of the remaining body, without
-    them, about its mass centre, which is also the origin of the paths."""
+    them, about its mass centre, which is also the origin of the paths.
+
+    - `path`: a function of the time, s, that returns the positions r of the masses, m, (3, masses)
+      or (3, masses, *runs); it must be twice differentiable."""
 
     keeps: ClassVar[frozenset[str]] = frozenset(
         {"angular_momentum", "axial_angular_momentum", "rotational_momentum"}
     )
 
     path: Callable[[Scalar], Array]
-    "Places r at a time, s, m, (3, masses) or (3, masses, *runs); twice differentiable."
     mass: Float[Array, "masses *#runs"] = quantity("kg", positive=True, doc="of each particle")
 
     def moments(

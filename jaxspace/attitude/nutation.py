@@ -50,10 +50,12 @@ NEAR = 0.1
 class Nutation(HashedModule):
     """One nutation of a top between its two turning circles.
 
-    - `N`, 1/s, and `beta`, 1/s^2: constants of the equations above.
-    - `alpha_up` = alpha - beta and `alpha_down` = alpha + beta, 1/s^2: the values of alpha - beta u
-      where the axis points up and down.
-    - `gamma_up` = gamma - N and `gamma_down` = gamma + N, 1/s, likewise.
+    - `N`, 1/s: the constant N of the equations above.
+    - `beta`, 1/s^2: the constant beta of the equations above.
+    - `alpha_up`, 1/s^2: alpha - beta, the value of alpha - beta u where the axis points up.
+    - `alpha_down`, 1/s^2: alpha + beta, the value of alpha - beta u where the axis points down.
+    - `gamma_up`, 1/s: gamma - N, the value of gamma - N u where the axis points up.
+    - `gamma_down`, 1/s: gamma + N, the value of gamma - N u where the axis points down.
     - `start`: a position on the path.
 
     Near the separatrix these differences decide: `Top.nutation` forms them from the state without

@@ -78,7 +78,9 @@ class NutationDamper(AbstractEffect):
     thrust: Float[Array, "3 *#runs"] | None = quantity(
         "N", optional=True, doc="F, that pushes the body, in body axes"
     )
-    part: str = eqx.field(static=True, default="damper")
+    part: str = eqx.field(
+        static=True, default="damper", metadata={"doc": "name of its part of the state"}
+    )
 
     def start(self, y: BodyState, body: AbstractBody) -> dict[str, State]:
         _, _, b = self._lines(y.omega.ndim - 1)

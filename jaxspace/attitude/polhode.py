@@ -48,9 +48,13 @@ from ..core.vectors import components, cross, dot, norm
 class Polhode(HashedModule):
     """The closed curve of omega in a free body.
 
-    - `rate`: N, 1/s; `modulus_squared`: k^2; `complement`: k'^2; `complementary_modulus`: k', which
-      next to the separatrix is above zero in float32 where its square is not.
-    - `about_least`: whether it circles the axis of least inertia, not the one of greatest.
+    - `rate`, 1/s: N, the rate of the argument of the elliptic functions.
+    - `modulus_squared`: k^2, the squared modulus of the elliptic functions.
+    - `complement`: k'^2 = 1 - k^2.
+    - `complementary_modulus`: k'. Next to the separatrix it is above zero in float32, where its
+      square underflows.
+    - `about_least`: whether the curve encircles the axis of least inertia, otherwise that of
+      greatest inertia.
     - `vertices`: two points of the polhode, rad/s, body axes, components not negative: where the
       intermediate component vanishes, and where the outer component of the axis not circled does.
       All else of Poinsot's construction follows from them.

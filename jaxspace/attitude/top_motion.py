@@ -58,8 +58,11 @@ from ._top_start import TopStart, start_of
 @final
 @printed(transverse_inertia="kg m^2", axial_inertia="kg m^2", weight_moment="N m")
 class TopMotion(AbstractClosedForm):
-    """The motion of a heavy top with the `transverse_inertia` A and the `axial_inertia` C, kg m^2,
-    and the `weight_moment` W l, N m.
+    """The motion of a heavy top in closed form.
+
+    - `transverse_inertia`: A, kg m^2, across the axis, about the fixed point.
+    - `axial_inertia`: C, kg m^2, about the axis.
+    - `weight_moment`: W l, N m.
 
     It is valid for every initial state and any time: steady, cusped or looping, upright, hanging,
     through the vertical and on the separatrix. Compared with an 18-digit reference, the error of

@@ -130,8 +130,12 @@ class ReactionWheels(AbstractEffect):
         default=0.95,
         doc="share of the speed limit above which the driving torque falls",
     )
-    motor: AbstractMotor | None = None
-    part: str = eqx.field(static=True, default="wheels")
+    motor: AbstractMotor | None = eqx.field(
+        default=None, metadata={"doc": "of the wheels; without motor torques by default"}
+    )
+    part: str = eqx.field(
+        static=True, default="wheels", metadata={"doc": "name of its part of the state"}
+    )
 
     def __check_init__(self):
         command = getattr(self.motor, "command", None)

@@ -70,8 +70,11 @@ class AbstractBody(AbstractParameters):
 class RigidBody(AbstractBody):
     """A body with constant mass properties: `RigidBody(mass, inertia)`.
 
-    Either may be absent: a point needs no inertia, and the mass cancels in motion under gravity
-    only."""
+    Either may be absent: a point mass needs no inertia, and the mass cancels in motion under
+    gravity only.
+
+    - `inertia`: about the centre of mass, kg m^2: three principal moments, a tensor, or an inertia
+      object."""
 
     mass: OptionalNumberField = quantity("kg", positive=True, optional=True, doc="mass")
     moment_of_inertia: AbstractInertia | None = quantity(

@@ -12,7 +12,9 @@ from .state import BodyState
 @final
 @printed(inertia="kg m^2")
 class FreeRotation(AbstractClosedForm):
-    """Rotation without torque of a body with this `inertia`, kg m^2, for every inertia and spin."""
+    """Torque-free rotation of a body in closed form, for every inertia and spin.
+
+    - `inertia`: of the body, kg m^2, about its centre of mass."""
 
     inertia: AbstractInertia
 

@@ -48,9 +48,10 @@ class BodyState(HashedModule):
     body; also their rates.
 
     Vectors are (3, *runs), along a trajectory (3, times, *runs); the mass is (*runs,) or
-    (times, *runs). `parts` contains further quantities that effects integrate, by name. A part that
-    is `None` is absent: it is not a leaf of the pytree, and therefore not part of an integration, a
-    batch or a gradient.
+    (times, *runs). A part that is `None` is absent: it is not a leaf of the pytree, and therefore
+    not part of an integration, a batch or a gradient.
+
+    - `parts`: further quantities that effects integrate, by name.
 
     Raises `InputError` for an array whose first axis does not have the components."""
 

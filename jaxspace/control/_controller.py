@@ -45,8 +45,10 @@ class AbstractController(AbstractParameters):
 
 @final
 class Feedback(AbstractController):
-    """A function without memory, `(measured) -> command` or `(t, measured) -> command`: a formula,
-    an `equinox` network, or `jax.tree_util.Partial` of one and its weights. For one run."""
+    """A controller without memory, given by a function; for one run.
+
+    - `function`: `(measured) -> command` or `(t, measured) -> command`: a Python function, an
+      `equinox` network, or a `jax.tree_util.Partial` of a function and its weights."""
 
     function: Callable[..., PyTree]
     broadcasts: ClassVar[bool] = False

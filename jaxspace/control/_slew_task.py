@@ -44,13 +44,17 @@ class SlewTask(AbstractEnvironment):
     speeds of the wheels over their limit. Actions: torques over the limit of the motors. An episode
     ends early where the body spins up to `rate_limit`."""
 
-    scene: Scene = eqx.field(default_factory=_satellite)
+    scene: Scene = eqx.field(
+        default_factory=_satellite, metadata={"doc": "the satellite, with its wheels"}
+    )
     period: SingleNumberField = quantity("s", positive=True, default=0.5, doc="of a step")
     horizon: SingleNumberField = quantity("s", positive=True, default=300.0, doc="of an episode")
     rate_scale: SingleNumberField = quantity("rad/s", positive=True, default=0.05, doc="of rates")
     rate_limit: SingleNumberField = quantity("rad/s", positive=True, default=0.5, doc="end")
     effort: SingleNumberField = quantity("", non_negative=True, default=0.01, doc="w, of actions")
-    method: FixedSteps = eqx.field(static=True, default=ONE_STEP)
+    method: FixedSteps = eqx.field(
+        static=True, default=ONE_STEP, metadata={"doc": "integration of one period"}
+    )
 
     @property
     def _wheels(self) -> ReactionWheels:

@@ -47,7 +47,10 @@ class Box(NamedTuple):
 @final
 @printed(time="s")
 class Episode(eqx.Module):
-    """State of an episode: that of the system, and the time since the start of the episode, s."""
+    """State of an episode.
+
+    - `y`: the state of the system.
+    - `time`, s: since the start of the episode."""
 
     y: State
     time: Float[Array, "*runs"]

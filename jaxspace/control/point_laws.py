@@ -181,8 +181,10 @@ def _times(matrix: Array, vector: Array) -> Array:
 
 @final
 class Together(AbstractController):
-    """Several controllers together: the command is a tuple, one entry for each actuator of the
-    system, in their order."""
+    """Several controllers of one system.
+
+    - `controllers`: one for each actuator of the system, in their order. The command is the tuple
+      of their commands."""
 
     controllers: tuple[AbstractController, ...] = eqx.field(converter=tuple)
 

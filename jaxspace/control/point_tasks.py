@@ -63,14 +63,18 @@ class LandingTask(AbstractEnvironment):
     the squares of the speed over `speed` and of the miss over `distance`; `soft` then reports
     whether the touchdown is below 2 m/s."""
 
-    scene: Scene = eqx.field(default_factory=_lander)
+    scene: Scene = eqx.field(
+        default_factory=_lander, metadata={"doc": "the lander, with its gravity and thrust"}
+    )
     mass: SingleNumberField = quantity("kg", positive=True, default=2000.0, doc="at the start")
     distance: SingleNumberField = quantity("m", positive=True, default=1000.0, doc="at the start")
     speed: SingleNumberField = quantity("m/s", positive=True, default=50.0, doc="scale of speeds")
     period: SingleNumberField = quantity("s", positive=True, default=0.5, doc="of a step")
     horizon: SingleNumberField = quantity("s", positive=True, default=120.0, doc="of an episode")
     effort: SingleNumberField = quantity("", non_negative=True, default=0.05, doc="of propellant")
-    method: FixedSteps = eqx.field(static=True, default=ONE_STEP)
+    method: FixedSteps = eqx.field(
+        static=True, default=ONE_STEP, metadata={"doc": "integration of one period"}
+    )
 
     @property
     def _engine(self) -> CommandedEngine:
@@ -131,7 +135,8 @@ class RendezvousTask(AbstractEnvironment):
     the distance."""
 
     motion: ClohessyWiltshire = eqx.field(
-        default_factory=lambda: ClohessyWiltshire(as_float(1.1e-3))
+        default_factory=lambda: ClohessyWiltshire(as_float(1.1e-3)),
+        metadata={"doc": "the relative motion"},
     )
     thrust: SingleNumberField = quantity(
         "m/s^2", positive=True, default=0.01, doc="greatest acceleration along an axis"
@@ -141,7 +146,9 @@ class RendezvousTask(AbstractEnvironment):
     period: SingleNumberField = quantity("s", positive=True, default=10.0, doc="of a step")
     horizon: SingleNumberField = quantity("s", positive=True, default=6000.0, doc="of an episode")
     effort: SingleNumberField = quantity("", non_negative=True, default=0.05, doc="of actions")
-    method: FixedSteps = eqx.field(static=True, default=ONE_STEP)
+    method: FixedSteps = eqx.field(
+        static=True, default=ONE_STEP, metadata={"doc": "integration of one period"}
+    )
 
     @property
     def action_space(self) -> Box:

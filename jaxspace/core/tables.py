@@ -166,8 +166,8 @@ class AbstractTable(HashedModule):
 class Table(AbstractTable):
     """A function of time, linear between its nodes: `Table(times, values)(t)`.
 
-    - `times`, s, ascending; `values` there: both (nodes, *runs). A vector requires a table for each
-      component.
+    - `times`, s: ascending, (nodes, *runs).
+    - `values`: at these times, (nodes, *runs). A vector requires a table for each component.
 
     As a part of a system, of an effect or of a function in one, its nodes are `breaks` of every
     integration. Raises `InputError` for times that do not ascend, or another number of values."""
@@ -188,8 +188,11 @@ class Table(AbstractTable):
 class Spline(AbstractTable):
     """A function of time, cubic between its nodes, with continuous slope and curvature.
 
-    Arguments, nodes and errors as those of a `Table`. `curvatures` are computed from the values
-    when the spline is created: for other values create another one."""
+    - `times`, s: ascending, (nodes, *runs).
+    - `values`: at these times, (nodes, *runs). A vector requires a spline for each component.
+
+    Breaks and errors are as for a `Table`. The `curvatures` are computed from the values when the
+    spline is created; for other values create another spline."""
 
     times: Float[Array, "nodes *#runs"]
     values: Float[Array, "nodes *#runs"]

@@ -63,12 +63,13 @@ def _as_optional_accuracy(x: object) -> Any:
 class Campaign(AbstractCampaign):
     """A mission that is run many times with random inputs.
 
-    - `build(samples) -> (mission, y0)`: the mission and its initial state from a dict of the
-      inputs, each (runs,). The batch axis is last: parameters are scalars or (runs,),
-      vectors (3, runs) or (3, 1).
+    - `build`: a function `build(samples) -> (mission, y0)` that returns the mission and its initial
+      state, from a dict of the inputs, each (runs,). The batch axis is last: parameters are scalars
+      or (runs,), vectors (3, runs) or (3, 1).
     - `inputs`: the distribution of each input, by name.
-    - `outputs(result, samples) -> dict`: the outputs, each (runs,), from a `MissionTrajectory`,
-      whose phases contain numbers only and no systems, and the inputs.
+    - `outputs`: a function `outputs(result, samples) -> dict` that returns the outputs, each
+      (runs,), from a `MissionTrajectory`, whose phases contain numbers only and no systems, and
+      the inputs.
     - `units`: the unit of every input and output, by name; a name without one is dimensionless.
     - `start`, s: the time at which the mission starts.
     - `description`: free text for the record, such as the scene file.

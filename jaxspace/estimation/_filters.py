@@ -58,10 +58,12 @@ KAPPA = 1.0
 class Filtered(HashedModule):
     """Estimates of a filter after each reading; the runs of a batch are on the last axis.
 
-    - `ts`, `states`, `covariance`: times (times,), means and covariances (n, n, times, *runs), in
-      the coordinates named by `names`.
-    - `innovations`: readings minus predictions (m, times, *runs), zero without a reading, and their
-      covariance S.
+    - `ts`, s: times of the readings, (times,).
+    - `names`: of the n coordinates of the covariance.
+    - `states`: means of the state.
+    - `covariance`: of the state, (n, n, times, *runs), in the coordinates `names`.
+    - `innovations`: readings minus predictions, (m, times, *runs), zero without a reading.
+    - `innovation_covariance`: covariance S of the innovations, (m, m, times, *runs).
     - `status`: of each propagation, (times - 1, *runs), as in a `Trajectory`."""
 
     ts: Float[Array, " times"]

@@ -25,16 +25,19 @@ class Fit(HashedModule):
     """Parameters estimated by `fit`, and their uncertainties. With `batch`, the data sets are on
     the last axis of every array.
 
-    - `parameters`: the estimate, like the start. `names`: of its coordinates.
+    - `parameters`: the estimate, with the structure of the start.
+    - `names`: of the n coordinates of the parameters.
     - `residuals`: reading minus prediction over the noise, like the data; zero for missing
       readings.
-    - `chi_squared`: the sum of their squares; `freedom`: number of readings minus number of
-      parameters.
+    - `chi_squared`: the sum of the squared residuals.
+    - `freedom`: degrees of freedom, the number of readings minus the number of parameters.
     - `scaled_variance`: factor on the covariance: 1 for given noise.
-    - `singular_values`, `directions`: of the Jacobian with columns of length one; the rows of
-      `directions` are combinations of parameters. `columns`: the lengths themselves.
+    - `singular_values`, `directions`: of the Jacobian with its columns scaled to length one; the
+      rows of `directions` are combinations of parameters.
+    - `columns`: the lengths of the unscaled columns of the Jacobian.
     - `steps`, `converged`: of the search.
-    - `tests`: p-values of the residuals, a `ResidualTests` for each array of the data."""
+    - `tests`: p-values of the residuals, a `ResidualTests` for each array of the data.
+    - `stated`: whether the noise was given; otherwise it is estimated from the residuals."""
 
     parameters: PyTree
     names: tuple[str, ...] = eqx.field(static=True)

@@ -50,7 +50,9 @@ Given = Three | tuple[float, float, float]
 @final
 @printed()
 class NavigatorState(eqx.Module):
-    """State of a navigator; also its rates."""
+    """State of a navigator; also its rates.
+
+    - `attitude`: C, the computed attitude, from body to level axes (east, north, up)."""
 
     latitude: NumberField = quantity("rad", doc="phi, geodetic")
     longitude: NumberField = quantity("rad", doc="lambda, to the east")

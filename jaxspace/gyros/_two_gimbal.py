@@ -30,6 +30,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import final
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -80,9 +81,15 @@ class TwoGimbalGyro(AbstractSystem):
         "N m", default=0.0, doc="M_Z, constant moment about the outer axis"
     )
 
-    inner_bearing: BearingFriction | None = None
-    outer_bearing: BearingFriction | None = None
-    motor: RotorMotor | None = None
+    inner_bearing: BearingFriction | None = eqx.field(
+        default=None, metadata={"doc": "friction of the inner bearing; none by default"}
+    )
+    outer_bearing: BearingFriction | None = eqx.field(
+        default=None, metadata={"doc": "friction of the outer bearing; none by default"}
+    )
+    motor: RotorMotor | None = eqx.field(
+        default=None, metadata={"doc": "of the rotor; by default its spin rate is constant"}
+    )
 
     def vector_field(self, t: Scalar, y: GimbalState) -> GimbalState:
         del t

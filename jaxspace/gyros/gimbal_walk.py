@@ -66,9 +66,12 @@ STEPS = 6
 class GimbalWalk(HashedModule):
     """One nutation of a gyro in two gimbals without moments, and the drift that it causes.
 
-    - `theta`, rad, and `theta_rate`, rad/s: theta_0 and its rate.
+    - `theta`, rad: theta_0, at the start.
+    - `theta_rate`, rad/s: the rate of theta at the start.
     - `spin_momentum`: H, kg m^2/s.
-    - `inner_inertia` J, `outer_inertia_upright` I_1, `outer_inertia_across` I_2: kg m^2.
+    - `inner_inertia`: J, kg m^2.
+    - `outer_inertia_upright`: I_1, kg m^2.
+    - `outer_inertia_across`: I_2, kg m^2.
 
     The exact results are NaN from `greatest_rate` on."""
 

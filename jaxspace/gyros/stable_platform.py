@@ -65,7 +65,9 @@ Gimbals = Float[Array, "gimbals *#runs"]
 @printed()
 class StablePlatformState(eqx.Module):
     """Angles of gimbals and gyros, their rates, integrals of the gyros' angles, and the platform's
-    attitude in inertial space; also the rates of all."""
+    attitude in inertial space; also the rates of all.
+
+    - `attitude`: of the platform, relative to inertial space."""
 
     angles: Gimbals = quantity("rad", doc="Phi, of the gimbals from the outermost inwards")
     angle_rates: Gimbals = quantity("rad/s", doc="rates of Phi")

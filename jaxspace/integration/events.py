@@ -57,15 +57,15 @@ MOST_SAMPLES = 10**7
 
 @final
 class Event(HashedModule):
-    """An event where `condition(t, y)`, a scalar for each run, passes through zero; it stops the
-    run.
+    """An event where a condition passes through zero; by default it stops the run.
 
+    - `condition`: a function (t, y) that returns a scalar for each run, (*runs,).
     - `direction`: 1 for a rise, -1 for a fall along the run, 0 for both.
     - `within`, s: longest time that a phase waits for the event.
     - `samples`: number of parts into which the time span is divided for the search. Two zeros in
       the same part are found if the samples around them bend towards zero; a narrower dip can be
       missed.
-    - `touch`, in the unit of the condition: stop where the condition touches zero instead of where
+    - `touch`: in the unit of the condition. Stop where the condition touches zero instead of where
       it passes through, that is, at an extremum within this distance of zero. `direction` 1 stops
       at a minimum, -1 at a maximum. Without `touch`, rounding decides whether a touch is an event.
     - `at_start`: whether a zero at the start of the run, to rounding, is an event. By default it is
@@ -74,6 +74,7 @@ class Event(HashedModule):
     - `terminal`: whether the event ends the run. With `False` the run continues, and
       `Trajectory.crossings` contains every zero, up to `capacity` of them. The search then divides
       the span at the save times, into at least `samples` parts.
+    - `capacity`: greatest number of recorded zeros of a run, with `terminal=False`.
     - `then`: with `terminal=False`, a function (t, y) -> y, like `Phase.then`, that replaces the
       state at each zero, as for a bouncing ball. `Trajectory.crossings` then contains the states on
       both sides, and the run ends at the first zero beyond `capacity`. Simultaneous events, within

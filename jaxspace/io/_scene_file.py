@@ -71,10 +71,18 @@ class SceneFile(FileContent):
     """A validated scene file and its operations: building of systems and campaigns, runs, and
     optimisation.
 
-    Its fields are those of its content (`FileContent`): `path`, `text`, the `parsed` values in SI,
-    the `inputs` and `outputs` of a campaign, the `units` of its numbers, the `task` of [optimize],
-    and the `files` and `modules` that it names; its `kind` is "system", "scene", "mission" or
-    "flight", and its `title` defaults to the name of the file. It starts at `start`, s."""
+    - `path`: of the file.
+    - `text`: of the file.
+    - `parsed`: the values in SI.
+    - `inputs`: the distribution of every dispersed number.
+    - `outputs`: the outputs of each run of a campaign.
+    - `units`: the units in which the file gives its numbers.
+    - `task`: the content of [optimize], or `None`.
+    - `files`: the files that it names.
+    - `modules`: the Python files that were run for it.
+
+    Its `kind` is "system", "scene", "mission" or "flight", and its `title` defaults to the name of
+    the file. A run starts at the time `start`, s."""
 
     @functools.cached_property
     def accuracy(self) -> Accuracy:

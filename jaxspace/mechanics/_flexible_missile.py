@@ -69,7 +69,7 @@ class FlexibleMissile(AbstractSystem):
     actuator_damping: NumberField = quantity("N m s", default=0.0, doc="M_D, of the actuator")
     command: NumberField = quantity("rad", default=0.0, doc="d_A, of the actuator")
     damping_ratio: NumberField = quantity("", default=0.0, doc="of every bending mode")
-    modes: int = eqx.field(static=True, default=3)
+    modes: int = eqx.field(static=True, default=3, metadata={"doc": "number of bending modes"})
 
     def vector_field(self, t: Scalar, y: MissileState) -> MissileState:
         del t

@@ -111,7 +111,8 @@ class Lagrangian(AbstractLagrangian):
     - `function`: L(t, q, v, parameters), J; q and v are (n, *runs), the result (*runs,).
     - `names`: of the coordinates.
     - `parameters`: any tree of numbers, each a scalar or (*runs,).
-    - `forces`: Q(t, q, v, parameters), (n, *runs); `rayleigh`: D(t, q, v, parameters), W.
+    - `forces`: generalised forces Q(t, q, v, parameters), (n, *runs).
+    - `rayleigh`: dissipation function D(t, q, v, parameters), W, whose force is -dD/dv.
     - `fixed`: g(t, q, parameters), (m, *runs), holonomic constraints, kept at zero.
     - `rolling`: c(t, q, v, parameters), (m, *runs), linear in v, nonholonomic constraints.
     - `decay`: k, 1/s, decay rate of constraint errors: about the rate of the motion.

@@ -38,7 +38,9 @@ from ._flexible_missile import FlexibleMissile, MissileState
 @final
 @printed()
 class MissileLoopState(eqx.Module):
-    """The missile's state, and the slosh with its rate; also the rates of all."""
+    """State of the missile and of the slosh; also its rates.
+
+    - `missile`: the state of the missile."""
 
     missile: MissileState
     slosh: NumberField = quantity("m", doc="s, across the missile")

@@ -128,14 +128,17 @@ def stop_reason(
 class Minimum(HashedModule):
     """The result of `minimise`.
 
-    - `x` and the `criterion` there; `objective`: the value of the objective there.
+    - `x`: the minimum.
+    - `criterion`: the criterion at `x`; `objective` is the value of its objective.
     - `multipliers`: lambda and nu at the positions of c and d, with 1 for f: grad f + lambda . grad
       c
       - nu . grad d = 0. For an infeasible problem they are meaningless weights of the search.
     - `gradient`: the largest component of that sum in the scaled unknowns, which is compared with
-      the tolerance; `violation`: the largest of the constraints, in the units of the constraint.
-    - `steps`: of all descents; `converged`: whether gradient and violation reached the tolerance,
-      or the gradient is as small as the rounding of the objective allows (`StopReason.ROUNDED`).
+      the tolerance.
+    - `violation`: the largest violation of a constraint, in the unit of that constraint.
+    - `steps`: of all descents.
+    - `converged`: whether gradient and violation reached the tolerance, or the gradient is as small
+      as the rounding of the objective allows (`StopReason.ROUNDED`).
     - `gradient_error`: the relative difference between the gradient and finite differences at the
       start; zero if not checked. Above 1e-3 the gradient is wrong.
     - `reason`: why the search ended, a `StopReason`; `sentence()` explains it.
@@ -143,8 +146,8 @@ class Minimum(HashedModule):
       position of its unknown in x; about zero elsewhere.
     - `history`: objective, scaled violation and scaled gradient after each step, (rows, 3), NaN for
       steps not taken.
-    - `left_out`: number of steps skipped because they led to values that are not finite;
-      `refused`: the criterion at the last of them, zeros where there was none.
+    - `left_out`: number of steps skipped because they led to values that are not finite.
+    - `refused`: the criterion at the last skipped step; zeros if there was none.
     - `search`: the state of the search, from which `minimise` can continue.
     - `tolerance`: the tolerance of the scaled gradient and violation.
     """

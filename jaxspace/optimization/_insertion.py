@@ -43,7 +43,11 @@ FORMS = ("time", "velocity")
 @final
 @printed(radius="m", radial="m/s", across="m/s")
 class InsertionState(eqx.Module):
-    """`radius` r, m; `radial` w and `across` v, m/s; each (*runs,)."""
+    """State of the burn into an orbit; each field is (*runs,).
+
+    - `radius`, m: r, distance from the centre of the planet.
+    - `radial`, m/s: w, radial velocity.
+    - `across`, m/s: v, horizontal velocity."""
 
     radius: Float[Array, "*#runs"] = eqx.field(converter=as_float)
     radial: Float[Array, "*#runs"] = eqx.field(converter=as_float)
@@ -52,8 +56,10 @@ class InsertionState(eqx.Module):
 
 @final
 class Insertion(AbstractParameters):
-    """The data of a burn into an orbit: `thrust`, the acceleration over time, and the states at its
-    ends."""
+    """The data of a burn into an orbit.
+
+    - `thrust`: the thrust acceleration over time.
+    - `start`: the state at the start of the burn."""
 
     thrust: AbstractThrustAcceleration
     start: InsertionState
@@ -99,11 +105,14 @@ class SteeredBurn(AbstractSystem):
 class InsertionOptimum(eqx.Module):
     """The result of `optimise_insertion`.
 
-    - `law`: the best of its kind; `duration`: T, s; `end`: the state there.
+    - `law`: the best steering law of its kind.
+    - `duration`, s: T, of the burn.
+    - `end`: the state at the end of the burn.
     - `radius_price`: derivative of the best T, s/m, or of the best v, 1/s, by the radius R, from
       the multiplier.
     - `error`: the relative error as the steps estimate it.
-    - `converged`; `minimum`: of the search, whose `sentence()` explains why it ended."""
+    - `converged`: whether the search converged.
+    - `minimum`: the result of the search, whose `sentence()` explains why it ended."""
 
     law: Law
     duration: Float[Array, ""]

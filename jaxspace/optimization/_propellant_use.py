@@ -61,7 +61,8 @@ class PropellantUse(HashedModule):
 
     - `first`, `last`: velocity gained by the impulse at the start and at the end, m/s.
     - `first_angle`, `last_angle`: their angles above the horizontal, rad, of equal size.
-    - `duration`: T, s; `final_velocity`: U, m/s, horizontal.
+    - `duration`, s: T.
+    - `final_velocity`, m/s: U, horizontal.
     - `corner`: whether U as a function of T has a kink there, at which a search by gradients
       stalls.
     - `degenerate`: whether other splits and durations give the same U.

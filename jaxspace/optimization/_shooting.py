@@ -48,7 +48,8 @@ Unknowns: TypeAlias = dict[str, PyTree[Float[Array, "..."]]]
 class SteeredFlight(AbstractSystem):
     """Powered flight over a flat earth under constant gravity. State: `FlightState`.
 
-    - `thrust`: F/m over time; `steering`: its angle above the horizontal.
+    - `thrust`: F/m, the thrust acceleration over time.
+    - `steering`: angle of the thrust above the horizontal, rad, as a function of time.
     - `gravity`: g, m/s^2, (*runs,).
     """
 
@@ -75,9 +76,12 @@ class SteeredFlight(AbstractSystem):
 class SteeringOptimum(eqx.Module):
     """The result of `optimise_steering`.
 
-    - `release_angle`, rad, and `steering`: the optimum; `burnout`: the state there.
-    - `apex_time`, s, and `final_velocity` U at the apex, m/s.
-    - `height_derivative` dU/dY, 1/s, from the multiplier of the constraint.
+    - `release_angle`, rad: the optimal direction of the release velocity.
+    - `steering`: the optimal thrust angles.
+    - `burnout`: the state at burnout.
+    - `apex_time`, s: the time of the apex.
+    - `final_velocity`, m/s: U, at the apex.
+    - `height_derivative`, 1/s: dU/dY, from the multiplier of the constraint.
     - `violation`: |y(T) - Y| over (v_0 + V)^2/(2g), the height of the best vertical impulse, or of
       w_b < 0 over v_0 + V.
     - `gradient`: the largest derivative of U/(v_0 + V) by an angle that the constraint leaves free.

@@ -60,7 +60,9 @@ class AbstractThrustAcceleration(HashedModule):
 @final
 @printed(acceleration="m/s^2")
 class ConstantThrustAcceleration(AbstractThrustAcceleration):
-    """F/m is constant: `acceleration`, m/s^2, positive."""
+    """F/m is constant.
+
+    - `acceleration`, m/s^2: F/m, positive, (*runs,)."""
 
     acceleration: Float[Array, "*#runs"] = eqx.field(converter=as_float)
 
@@ -77,8 +79,9 @@ class ConstantThrustAcceleration(AbstractThrustAcceleration):
 class ConstantMassFlow(AbstractThrustAcceleration):
     """Constant thrust and mass flow, m = m_0 (1 - t/tau), so that F/m = u/(tau - t).
 
-    Fields: `exhaust_velocity` u, m/s; `depletion_time` tau, s, at which nothing would be left:
-    later than the burnout."""
+    - `exhaust_velocity`, m/s: u, (*runs,).
+    - `depletion_time`, s: tau, (*runs,), at which the whole mass would be used up; later than the
+      burnout."""
 
     exhaust_velocity: Float[Array, "*#runs"] = eqx.field(converter=as_float)
     depletion_time: Float[Array, "*#runs"] = eqx.field(converter=as_float)
@@ -96,9 +99,14 @@ class ConstantMassFlow(AbstractThrustAcceleration):
 class Ascent(eqx.Module):
     """The data of an ascent, whose steering is to make the velocity at the apex greatest.
 
-    Fields, each (*runs,): `thrust`, the acceleration over time; `burn_time` t_b, s; `release_speed`
-    v_0, m/s, whose direction is free; `release_height` y_0 and `apex_height` Y, m; `gravity` g,
-    m/s^2."""
+    Each number is (*runs,).
+
+    - `thrust`: the thrust acceleration over time.
+    - `burn_time`, s: t_b.
+    - `release_speed`, m/s: v_0; the direction of the release velocity is free.
+    - `release_height`, m: y_0.
+    - `apex_height`, m: Y.
+    - `gravity`, m/s^2: g."""
 
     thrust: AbstractThrustAcceleration
     burn_time: Float[Array, "*#runs"] = eqx.field(converter=as_float)

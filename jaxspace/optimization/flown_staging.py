@@ -68,16 +68,22 @@ Unknowns: TypeAlias = dict[str, Array]
 class FlownStaging(HashedModule):
     """The result of `staging_with_losses`.
 
-    - `stage_mass` S_i and `propellant`, kg, (stages,); `used`: whether a stage is more than zero.
-    - `kick`: angle of the tilt, rad; zero for a vertical flight.
-    - `initial_mass`: kg; `burnout`: the state at the end; `burn_times`: s, (stages,).
-    - `ideal_velocity`: sum of u ln mu, m/s; `losses`: its excess over the speed at burnout.
-    - `velocity_price`, s/m, and `height_price`, 1/m: d ln m_1/dv_m and d ln m_1/dY, from the
-      multipliers; the latter zero where no height is prescribed.
+    - `stage_mass`, kg: S_i, (stages,).
+    - `propellant`, kg: of each stage, (stages,).
+    - `used`: whether the mass of a stage is above zero, (stages,).
+    - `kick`, rad: angle of the tilt; zero for a vertical flight.
+    - `initial_mass`, kg: m_1.
+    - `burnout`: the state at the burnout of the last stage.
+    - `burn_times`, s: of each stage, (stages,).
+    - `ideal_velocity`, m/s: the sum of u ln mu.
+    - `losses`, m/s: the ideal velocity minus the speed at burnout.
+    - `velocity_price`, s/m: d ln m_1/dv_m, from the multiplier.
+    - `height_price`, 1/m: d ln m_1/dY, from the multiplier; zero where no height is prescribed.
     - `greatest_speed`, m/s: where the speed is out of reach, the most that these stages reach at
       the burnout; the other fields are then of that flight, and the price is infinite. NaN
       elsewhere, and under `jit`.
-    - `converged`; `minimum`: of the search."""
+    - `converged`: whether the search converged.
+    - `minimum`: the result of the search."""
 
     stage_mass: Float[Array, " stages"]
     propellant: Float[Array, " stages"]

@@ -39,7 +39,8 @@ Law: TypeAlias = Callable[[Scalar], Scalar]
 class SteeringProfile(HashedModule):
     """Thrust angles at given times, linear in between.
 
-    - `times`: ascending, s; `angles`: rad; both (nodes, *runs)."""
+    - `times`, s: ascending, (nodes, *runs).
+    - `angles`, rad: at these times, (nodes, *runs)."""
 
     times: Float[Array, "nodes *#runs"] = eqx.field(converter=as_float)
     angles: Float[Array, "nodes *#runs"] = eqx.field(converter=as_float)
@@ -58,7 +59,9 @@ class SteeringProfile(HashedModule):
 class TangentLaw(HashedModule):
     """The tangent of the angle linear in s, or with `denominator` bilinear.
 
-    - `tangent` a and `rate` b; `denominator` c, `None` for the linear law; each (*runs,)."""
+    - `tangent`: a, (*runs,).
+    - `rate`: b, (*runs,).
+    - `denominator`: c, (*runs,); `None` for the linear law."""
 
     tangent: Float[Array, "*#runs"] = eqx.field(converter=as_float)
     rate: Float[Array, "*#runs"] = eqx.field(converter=as_float)
@@ -76,8 +79,11 @@ class TangentLaw(HashedModule):
 @final
 @printed()
 class SteeringNetwork(HashedModule):
-    """The angle as a `network` from a scalar to a scalar, whose input is s scaled to -1 to 1 over
-    the `duration`, in the unit of s."""
+    """The angle computed by a neural network.
+
+    - `network`: a function from a scalar to a scalar. Its input is s, scaled so that 0 to
+      `duration` becomes -1 to 1.
+    - `duration`: range of s, in the unit of s."""
 
     network: Callable[[Scalar], Scalar]
     duration: float = eqx.field(static=True, default=1.0)

@@ -111,11 +111,12 @@ def equal_stages_payload(
 class Staging(eqx.Module):
     """The optimal staging: (stages, *runs) for stage quantities, else (*runs,).
 
-    - `mass_ratio` mu_i and `used`: False for a stage that the optimum leaves out, whose mass ratio
-      is then exactly 1.
-    - `initial_mass` m01/P, and its inverse `payload_ratio` P/m01.
-    - `multiplier` lambda, negative, 1/(unit of u): one more unit of velocity multiplies m01 by
+    - `mass_ratio`: mu_i.
+    - `initial_mass`: m01/P.
+    - `payload_ratio`: P/m01, its inverse.
+    - `multiplier`: lambda, negative, 1/(unit of u): one more unit of velocity multiplies m01 by
       exp(-lambda).
+    - `used`: False for a stage that the optimum omits; its mass ratio is then exactly 1.
     - `feasible`: False where a traced demand exceeds the capability of the stages. The other fields
       are then the limits at vanishing payload: mass ratios 1/b_i, `payload_ratio` 0, `initial_mass`
       and -`multiplier` infinite, derivatives zero."""

@@ -71,8 +71,9 @@ def linear_tangent_angle(t: Scalar, initial_angle: Scalar, vanishing_time: Scala
 class LinearTangentSteering(HashedModule):
     """The steering tan phi = (1 - t/T) tan theta_0, and its result; each field is (*runs,).
 
-    - `initial_angle` theta_0, rad; `vanishing_time` T, s, at which phi = 0: the time of the apex.
-    - `final_velocity` U at the apex, m/s.
+    - `initial_angle`, rad: theta_0.
+    - `vanishing_time`, s: T, at which phi = 0: the time of the apex.
+    - `final_velocity`, m/s: U, at the apex.
     - `reached`: False where a traced apex height has no solution with T >= t_b. The other fields
       are then finite, but belong to another height, and their derivatives with respect to it are
       zero."""
@@ -200,7 +201,11 @@ def minimum_time_steering(
 class MaximumVelocitySteering(HashedModule):
     """The steering tan phi = (1 - 2t/T) tan theta_0, and the velocity that it reaches.
 
-    - `initial_angle`: theta_0, rad; `duration`: T, s; `final_velocity`: m/s; each (*runs,)."""
+    Each field is (*runs,).
+
+    - `initial_angle`, rad: theta_0.
+    - `duration`, s: T.
+    - `final_velocity`, m/s: at the end."""
 
     initial_angle: Float[Array, "*#runs"]
     duration: Float[Array, "*#runs"]

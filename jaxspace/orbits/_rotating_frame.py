@@ -32,9 +32,10 @@ class RotatingFrame(AbstractEffect):
     """Inertial forces in uniformly rotating axes, which are then the axes of the scene's state.
 
     The energy of such a scene is the integral of Jacobi. The forces act on the orbit only: the
-    attitude of a body remains relative to inertial axes. `centrifugal=False` includes only the
-    Coriolis force, for a gravity that already contains the centrifugal force, such as gravity along
-    a plumb line."""
+    attitude of a body remains relative to inertial axes.
+
+    - `centrifugal`: whether the centrifugal force is included. Use `False` with a gravity that
+      already contains it, such as gravity along a plumb line; only the Coriolis force then acts."""
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
     uniform: ClassVar[bool] = True

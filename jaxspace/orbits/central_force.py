@@ -217,9 +217,11 @@ class SphereGravity(AbstractEffect):
 class CentralPotential(AbstractEffect):
     """Any central force, from its potential energy per unit mass.
 
-    `function`, of the distance, m, (*runs,), acts elementwise on the runs and returns U, m^2/s^2,
-    (*runs,); preferably an `equinox.Module` with a `__call__`, whose parameters are then part of
-    the scene. The force is minus its derivative, and zero at the centre itself."""
+    The force is minus the derivative of the potential energy, and zero at the centre itself.
+
+    - `function`: returns U, m^2/s^2, (*runs,), for the distance, m, (*runs,), elementwise;
+      preferably an `equinox.Module` with a `__call__`, whose parameters are then part of the
+      scene."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
     uniform: ClassVar[bool] = True

@@ -94,8 +94,12 @@ class TabulatedPath(AbstractPath):
     """Positions at times, with a natural cubic spline between them.
 
     The nodes are breaks of every integration. The spline is straight at its ends: extend the table
-    some nodes beyond the run. Raises `InputError` for times that do not ascend, or another number
-    of positions."""
+    some nodes beyond the run.
+
+    - `times`, s: ascending, (nodes, *runs).
+    - `positions`, m: at these times, (3, nodes, *runs).
+
+    Raises `InputError` for times that do not ascend, or another number of positions."""
 
     # The spline of x. Of y and z only values and curvatures are stored, so that each node is one
     # break and not three.

@@ -70,7 +70,8 @@ class RadialMotion(eqx.Module):
 
     - `apsidal_angle`, rad: turned from one turning point to the next.
     - `period`, s: from one inner turning point to the next.
-    - `energy`, m^2/s^2, and `angular_momentum`, m^2/s: per unit mass."""
+    - `energy`, m^2/s^2: per unit mass.
+    - `angular_momentum`, m^2/s: per unit mass."""
 
     apsidal_angle: Float[Array, "*#runs"]
     period: Float[Array, "*#runs"]

@@ -25,12 +25,14 @@ DRIFT = 1e-6
 class DesignOptimum(HashedModule):
     """The best design that a search found, on the runs of the search.
 
-    - `x`: the design; `start`: that of the search.
+    - `x`: the best design.
+    - `start`: the initial design of the search.
     - `criterion`: objective and margins of the limits on these runs; for an objective to maximise,
       the negative.
     - `minimum`: the result of `minimise`, with multipliers and history; of `train_design` that of
       its steps.
-    - `problem`: the minimised problem and its runs; `seed`: of these runs.
+    - `problem`: the minimised problem and its runs.
+    - `seed`: of the random numbers of these runs.
 
     The runs of the search flatter their optimum: `assess_designs` has fresh ones."""
 

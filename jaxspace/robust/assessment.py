@@ -90,7 +90,8 @@ class DesignAssessment(HashedModule):
     """Designs assessed on the same independent runs.
 
     - `designs`: a `AssessedDesign` for each, by name; the optimum of the search is "robust".
-    - `optimum`: the result of the search; `on_search`: the statistic on its runs.
+    - `optimum`: the result of the search.
+    - `on_search`: the statistic on the runs of the search.
     - `seed`: of the independent runs.
     """
 

@@ -134,7 +134,9 @@ class AbstractStatistic(HashedModule):
 class Constraint(HashedModule):
     """A limit of a statistic, created with its `at_most` and `at_least`.
 
-    - `limit`: the greatest value if `upper`, otherwise the least.
+    - `statistic`: the constrained statistic.
+    - `limit`: the greatest allowed value if `upper`, otherwise the least.
+    - `upper`: whether the limit is an upper one.
 
     Raises `InputError` for a limit that is not finite."""
 
@@ -180,7 +182,9 @@ class Constraint(HashedModule):
 
 @final
 class Mean(AbstractStatistic):
-    """The mean."""
+    """The mean.
+
+    - `output`: name of an output of the campaign."""
 
     output: str = eqx.field(static=True)
 
@@ -380,7 +384,8 @@ class Violation(AbstractStatistic):
 class Worst(AbstractStatistic):
     """The greatest value of all runs.
 
-    - `lower`: whether small values are unfavourable: the least one.
+    - `output`: name of an output of the campaign.
+    - `lower`: whether small values are unfavourable; the statistic is then the least value.
 
     Its derivative is that of one run, and switches between runs: `CVaR` is easier to minimise."""
 

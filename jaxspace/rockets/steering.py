@@ -188,8 +188,10 @@ class AlongVelocity(AbstractSteering):
 
 @final
 class UserSteering(AbstractSteering):
-    """Any function (t, y) -> direction, (3, *runs), which is brought to unit length: best an
-    `equinox.Module` with a `__call__`. Not for scene files."""
+    """Steering by a user-defined function; not available in scene files.
+
+    - `function`: (t, y) -> direction of the thrust, (3, *runs), which is scaled to unit length;
+      preferably an `equinox.Module` with a `__call__`."""
 
     function: Callable[[Scalar, BodyState], Vector]
 

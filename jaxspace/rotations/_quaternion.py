@@ -43,7 +43,9 @@ from ..core.vectors import axis, components, cross, dot, norm, unit
 @final
 @printed()
 class Quaternion(AbstractGroupElement):
-    """An orientation: `wxyz`, (4, *runs), maps body components to inertial components.
+    """An orientation, which maps body components to inertial components.
+
+    - `wxyz`: the components, scalar part first, (4, *runs).
 
     Every method accepts one orientation, those along a trajectory, (4, times, *runs), and vectors
     with fewer or more batch axes. Raises `InputError`, at construction and in every method, for an

@@ -51,8 +51,11 @@ class MovingFrame(HashedModule):
     """A frame at an instant: motion of its origin, orientation and angular velocity.
 
     - `attitude`: from the frame's axes to inertial ones.
-    - `omega`, rad/s, `omega_rate`, rad/s^2: angular velocity and its rate, in the frame's axes.
-    - `position`, m, `velocity`, m/s, `acceleration`, m/s^2: of the origin, inertial components.
+    - `omega`, rad/s: angular velocity, in the frame's axes.
+    - `omega_rate`, rad/s^2: rate of the angular velocity, in the frame's axes.
+    - `position`, m: of the origin, in inertial axes.
+    - `velocity`, m/s: of the origin, in inertial axes.
+    - `acceleration`, m/s^2: of the origin, in inertial axes.
 
     Vectors are (3, *runs); omitted vectors are zero."""
 

@@ -52,10 +52,11 @@ class AbstractDesign(HashedModule):
 
 @final
 class LatinHypercube(AbstractDesign):
-    """Each of `runs` equal layers of every input contains one run.
+    """Latin hypercube sampling: every input is divided into as many equally probable layers as
+    there are runs, and each layer contains one run.
 
-    The design is made for this number of runs: fewer runs do not form a hypercube, and further runs
-    pass through the layers again."""
+    - `runs`: number of runs of the campaign. Fewer runs do not form a hypercube, and further runs
+      pass through the layers again."""
 
     runs: int = eqx.field(static=True)
 

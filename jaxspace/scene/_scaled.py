@@ -30,11 +30,13 @@ def scaled(effect: AbstractEffect, factor: Scalar) -> AbstractEffect:
 
 @final
 class Scaled(AbstractEffect):
-    """An `effect` whose whole load is multiplied by the `factor`: 1 leaves it as it is, 0 removes
-    it.
+    """An effect whose whole load is multiplied by a factor.
 
-    The derivative of a result by the factor, at 1, is the share of the effect in it to first order.
-    """
+    - `effect`: the effect that is scaled.
+    - `factor`: on its load; 1 leaves the effect unchanged, 0 removes it.
+
+    The derivative of a result with respect to the factor, at 1, is the contribution of the effect
+    to the result, to first order."""
 
     effect: AbstractEffect
     factor: NumberField = quantity("", doc="factor on the load")

@@ -61,8 +61,9 @@ class FinalError(HashedModule):
       blocks are not constrained. A block within another one has both names: `{"wheels.rate": 1e-3}`
       as keywords, `FinalError(**{...})`; or
     - `output`: a function of the trajectory that returns a number or a pytree of numbers, one for
-      each run, such as an apogee height; and their allowed error `within`, one for all or a pytree
-      with the same structure.
+      each run, such as an apogee height; together with
+    - `within`: the allowed error of the `output`: one number for all, or a pytree with the same
+      structure.
     - `accuracy`: method and limits of the steps, without `rtol` and `atol`, which are determined.
 
     **Raises** `InputError` for an error that is not positive, and unless exactly one of the three

@@ -138,6 +138,7 @@ class Phase(HashedModule):
 class Mission(HashedModule):
     """Phases in sequence.
 
+    - `phases`: the phases, in their order.
     - `start`: a function (t, y) -> y before the first phase: for a branch, the state of the part
       from that of the whole; `None` leaves the state unchanged.
     - `name`: of a branch.

@@ -53,6 +53,7 @@ class Trajectory(HashedModule):
       be zero simultaneously.
     - `stats`: steps, evaluations of the vector field, largest local error in units of the
       tolerance.
+    - `run_axes`: number of batch axes, 0 for a single run.
     - `dense`: the steps of the run, if `dense=True`; they do not contain the exact part of the
       motion (`AbstractSystem.decoupled`).
     - `crossings`: every zero of each event that is not terminal, as `Crossings`; in a failed run,

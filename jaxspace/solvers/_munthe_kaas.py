@@ -87,9 +87,11 @@ class _MovedOutput(AbstractDenseOutput):
 
 @final
 class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
-    """The one-step method `solver` on the group: a `Quaternion` has unit length to rounding at the
-    stages, within and at the end of every step. Other methods of this package normalise it at the
-    end of a step.
+    """A one-step method on the group: a `Quaternion` has unit length to rounding at the stages,
+    within and at the end of every step. Other methods of this package normalise it at the end of a
+    step.
+
+    - `solver`: the inner one-step method.
 
     Order, steps and dense output are those of the inner method, which starts again in every step:
     Tsit5 requires seven evaluations instead of six. Errors are raised as by the inner method."""

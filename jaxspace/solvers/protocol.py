@@ -7,7 +7,9 @@ solver, and a new one needs no change outside of its file.
 
 __all__ = [
     "AbstractDeclaredSolver",
+    "AbstractFieldSolver",
     "AbstractFixedStep",
+    "Advance",
     "SolverTraits",
     "bind",
     "field_of_step",
@@ -132,10 +134,13 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
 class Advance(NamedTuple):
     """Result of a step.
 
-    - `y1`, `error`: the state after it, and the estimate of its error.
+    - `y1`: the state after the step.
+    - `error`: estimate of its error.
     - `dense`: the coefficients of the dense output.
     - `carried`: values that the next step uses.
-    - `projected`: whether `y1` is on its groups and constraints already."""
+    - `result`: whether the step succeeded.
+    - `projected`: whether `y1` already satisfies the group and other constraints of the state;
+      otherwise the loop projects it."""
 
     y1: State
     error: State
@@ -152,7 +157,14 @@ class AbstractFieldSolver(AbstractDeclaredSolver):
     def advance(
         self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: PyTree
     ) -> Advance:
-        """The step from the state `y0` at `t0` to `t1`; `carried`: from the step before."""
+        """A step.
+
+        **Arguments**
+
+        - `f`: the vector field, called as f(t, y).
+        - `t0`, `t1`: start and end of the step, in normalised time.
+        - `y0`: the state at `t0`.
+        - `carried`: the values that the previous step carries, or those of `start`."""
 
     def step(
         self,

@@ -47,7 +47,8 @@ class Dispersion(HashedModule):
     - `status`: the code of the `Status` of each run.
     - `evaluations`: of the vector field, of each run.
     - `units`: of inputs and outputs, by name.
-    - `seed`: of the random numbers; `seconds`: wall time, the longest one with several hosts.
+    - `seed`: of the random numbers.
+    - `seconds`, s: wall time, with several hosts the longest one.
     - `attributes`: the record of the computation of the runs.
     - `numbers`: of the runs; from 0 on by default.
     - `store`: where they are stored; empty if they are not.

@@ -35,7 +35,9 @@ if TYPE_CHECKING:
 class Modes(HashedModule):
     """A system linearised about a state, with its modes in the order of their frequencies.
 
-    - `matrix` A, `input_matrix` B, `output_matrix` C: (n, n, *runs), (n, m, *runs), (p, n, *runs).
+    - `matrix`: A, (n, n, *runs).
+    - `input_matrix`: B, (n, m, *runs).
+    - `output_matrix`: C, (p, n, *runs).
     - `residual`: the rate of the state itself, (n, *runs), zero at an equilibrium.
     - `eigenvalues`: lambda, 1/s, (n, *runs); of a pair the one with positive frequency first.
     - `states`, `inputs`, `outputs`: names of the rows and columns.

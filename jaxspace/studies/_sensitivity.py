@@ -94,6 +94,7 @@ class MissionSensitivity(eqx.Module):
     """The derivatives of a mission: of its `phases` by index or name, and of its end.
 
     - `phases`: a `Sensitivity` for each phase; its rows are those of the state in that phase.
+    - `names`: of the phases.
     - `end`: of the state after the last jump and of its time, as a `Sensitivity` with one time."""
 
     phases: tuple[Sensitivity, ...]

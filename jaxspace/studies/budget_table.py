@@ -48,14 +48,18 @@ class Influence(NamedTuple):
 class EffectBudget:
     """Influence of effects on an output of a run.
 
-    - `output` and its `unit`; `nominal`: its value with all effects; `noise`: change under a finer
-      integration (with a hundredth of the tolerance, or twice as many equal steps), NaN if it did
-      not reach its end.
+    - `output`: name of the output.
+    - `unit`: of the output.
+    - `nominal`: the output with all effects.
+    - `noise`: change of the output under a finer integration (with a hundredth of the tolerance, or
+      twice as many equal steps); NaN if that run did not reach its end.
     - `rows`: an `Influence` for every effect, the largest first.
     - `tolerance`: acceptable change of the output; with `None` the fields below are undefined.
-    - `kept`: the smallest set of effects within the tolerance; `dropped`: the others; `change`:
-      change of the output in a run with exactly that set; `seconds`, `seconds_kept`: the median
-      times of both runs."""
+    - `kept`: the smallest set of effects within the tolerance.
+    - `dropped`: the other effects.
+    - `change`: change of the output in a run with the `kept` effects only.
+    - `seconds`, s: median time of the run with all effects.
+    - `seconds_kept`, s: median time of the run with the `kept` effects only."""
 
     output: str
     unit: str

@@ -87,10 +87,12 @@ class AccuracyCost:
     """Cost of accuracy in one run: a row for every setting.
 
     - `rows`: in the order of precision, method and decreasing tolerance.
-    - `reference`: the reference of the errors, and `reference_error`, an estimate of its error;
-      empty and NaN without a valid run: the first of the `notes` gives the reason.
+    - `reference`: the run from which the errors are measured; empty if no such run is valid, for
+      the reason given by the first of the `notes`.
+    - `reference_error`: estimated error of the reference; NaN without one.
     - `precision`: of the given state; `cheapest` selects among its rows.
-    - `notes`: omissions and their reasons. `methods`: the method of every name.
+    - `notes`: omissions and their reasons.
+    - `methods`: the method of every name.
     - `max_steps`: maximum number of steps of a run."""
 
     rows: tuple[Cost, ...]

@@ -45,6 +45,7 @@ Noise = Float[ArrayLike, "n n"] | Callable[[Scalar, Any], Array] | None
 class MeanCovariance(eqx.Module):
     """The state of `Uncertain`: a mean and the covariance of its local coordinates.
 
+    - `mean`: the mean state.
     - `columns`, `weights`: factors of the covariance without that of the process noise.
     - `added`: the covariance that process noise has added; `None` without noise."""
 
@@ -116,8 +117,11 @@ class Uncertain(AbstractSystem):
 @final
 @printed()
 class MeanRoot(eqx.Module):
-    """The state of `UncertainRoot`: a mean and a root of the covariance of its local
-    coordinates."""
+    """The state of `UncertainRoot`: a mean and a square root of the covariance of its local
+    coordinates.
+
+    - `mean`: the mean state.
+    - `root`: a matrix R, (n, k, *runs), with the covariance R R^T."""
 
     mean: State
     root: Float[Array, "n k *#runs"]
@@ -125,8 +129,10 @@ class MeanRoot(eqx.Module):
 
 @final
 class UncertainRoot(AbstractSystem):
-    """Any system with a root of the covariance of its state, without process noise: variances of
-    any ratio are accurate, and never negative."""
+    """Any system together with a square root of the covariance of its state, without process noise.
+    Variances of any ratio are accurate, and never negative.
+
+    - `system`: the system whose state is uncertain."""
 
     system: AbstractSystem
 

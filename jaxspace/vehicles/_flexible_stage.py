@@ -61,7 +61,9 @@ class FlexibleStage(AbstractEffect):
         "rad", default=(0.0, 0.0), doc="of the actuators, besides the autopilot's"
     )
     engine: Two = quantity("rad", default=(0.0, 0.0), doc="angle of the engine at the start")
-    part: str = eqx.field(static=True, default="flexible")
+    part: str = eqx.field(
+        static=True, default="flexible", metadata={"doc": "name of its part of the state"}
+    )
 
     def body(self, roll_moment: Scalar) -> RigidBody:
         """The rigid body of a scene with this stage; `roll_moment`: about the axis, kg m^2."""

@@ -78,8 +78,8 @@ PARTS_BY_STATION = {
 class Vehicle(AbstractParameters):
     """A rocket: its body, its motor, and its aerodynamics."""
 
-    body: AbstractBody
-    motor: Thrust
+    body: AbstractBody = eqx.field(metadata={"doc": "mass and inertia"})
+    motor: Thrust = eqx.field(metadata={"doc": "thrust and propellant over time"})
     area: NumberField = quantity("m^2", positive=True, doc="reference area of the drag")
     # The checker takes the quantity above for a default.
     drag: MachTable | None = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]

@@ -43,8 +43,12 @@ RUNS = 3
 @final
 @dataclass(frozen=True)
 class Law:
-    """One law: its `name`, the measured `error`, the `allowed` error, and a `note` where it does
-    not apply."""
+    """One law of motion, and its measured error.
+
+    - `name`: of the law.
+    - `error`: measured.
+    - `allowed`: the greatest allowed error.
+    - `note`: the reason, where the law does not apply."""
 
     name: str
     error: float
@@ -60,7 +64,10 @@ class Law:
 @final
 @dataclass(frozen=True)
 class LawReport:
-    """Result of `verify`: the name of the `system`, and a row for each of the `laws`."""
+    """Result of `verify`.
+
+    - `system`: its name.
+    - `laws`: a `Law` for each row."""
 
     system: str
     laws: tuple[Law, ...]

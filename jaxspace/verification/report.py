@@ -21,11 +21,13 @@ from ._case import Case
 class CaseResult:
     """A case and its results.
 
+    - `name`: of the case.
     - `error`: of the value, relative to the condition of the case.
     - `forward_error`, `reverse_error`: of the derivatives in both modes, relative to the largest
       derivative of the same output; `None` where the value has none.
-    - `tolerance`, `slope_tolerance`: allowed errors, for the reason `why`.
-    - `verdict`: "holds", "fails" or "left out"."""
+    - `tolerance`, `slope_tolerance`: allowed errors of the value and of the derivatives.
+    - `verdict`: "holds", "fails" or "left out".
+    - `why`: the reason for the allowed errors."""
 
     name: str
     error: float | None
@@ -53,7 +55,12 @@ class CaseResult:
 @final
 @dataclass(frozen=True)
 class Verification:
-    """The results of the edge cases: `rows`, the `precision`, the `device`, and the time, s."""
+    """The results of the edge cases.
+
+    - `rows`: a `CaseResult` for each case.
+    - `precision`: "float64" or "float32".
+    - `device`: on which the cases were evaluated.
+    - `seconds`, s: wall time."""
 
     rows: tuple[CaseResult, ...]
     precision: str

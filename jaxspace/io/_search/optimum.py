@@ -39,11 +39,13 @@ TOLERANCES = 100.0
 class Optimum:
     """Result of `SceneFile.optimize`.
 
-    - `file`: the file; `task`: the content of its [optimize].
+    - `file`: the scene file.
+    - `task`: the content of its table [optimize].
     - `minimum`: the result of `optimization.minimise`, whose `x` are the design variables by path,
       SI; for an objective to maximise, it is the minimum of the negative.
     - `objective`, `constraints`: the values of the outputs, SI, in the order of the file.
-    - `error`: estimated relative error by the steps; `steps`: of each phase.
+    - `error`: estimate of the relative error of the states due to the steps of the search.
+    - `steps`: number of integration steps of each phase.
     - `happened`: whether the event of each phase occurred.
     - `warning`: a message about a doubtful result: the run from the start fails, or the
       verification run of the optimum has different values."""
