@@ -44,7 +44,9 @@ types: $(VENV)/.test  ## static types
 	@$(BIN)/pyright --pythonpath $(BIN)/python
 
 docs: $(VENV)/.test  ## the manual, in site/; a broken link or name is an error
-	@$(BIN)/mkdocs build --quiet --strict
+	@# Not `--quiet`: with it, mkdocs counts no warnings, and `--strict` lets broken links pass.
+	@log=$$(mktemp); $(BIN)/mkdocs build --strict >"$$log" 2>&1 || { cat "$$log" >&2; rm "$$log"; exit 1; }; \
+		rm "$$log"
 
 unit: $(VENV)/.test  ## the tests that take little, with shapes and types checked
 	@$(PYTEST) $(CHECKED) --part quick

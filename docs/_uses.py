@@ -49,11 +49,12 @@ def public_names(package: str) -> dict[str, dict[str, object]]:
 
 
 def _ours(names: dict[str, object]) -> dict[str, object]:
-    # An alias of a shape, such as `Scalar`, belongs to jaxtyping; a module has no `__module__`.
+    # An alias of a shape, such as `Scalar`, belongs to jaxtyping.
     return {
         name: thing
         for name, thing in names.items()
         if not name.startswith("_")
+        and not inspect.ismodule(thing)
         and getattr(thing, "__module__", "").startswith("jaxspace")
     }
 
@@ -105,7 +106,8 @@ def used(*codes: str) -> list[str]:
 def first_line(text: str) -> str:
     """The first sentence of a docstring, without its full stop."""
     paragraph = " ".join(inspect.cleandoc(text).partition("\n\n")[0].split())
-    return re.split(r"(?<=[^.])\.(?: |$)|:$", paragraph)[0]
+    # Neither the dot of a product, "r . v", nor that of "U.S." ends a sentence.
+    return re.split(r"(?<=[^.\s])(?<!U\.S)\.(?: |$)|:$", paragraph)[0]
 
 
 def anchor(title: str) -> str:

@@ -280,6 +280,20 @@ def test_tasks_name_what_there_is(monkeypatch):
     for package in uses.packages():
         rows = [row for group in pages.groups(package).values() for row in group]
         assert len(set(rows)) == len(rows) == sum(map(len, uses.public_names(package).values()))
+        for names in uses.public_names(package).values():
+            assert not any(map(inspect.ismodule, names.values()))
+
+
+def test_first_sentence_of_a_docstring_is_whole(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    first_line = importlib.import_module("_uses").first_line
+    assert first_line("r . v, m^2/s: zero at\nboth apsides. More.") == (
+        "r . v, m^2/s: zero at both apsides"
+    )
+    assert first_line("Dry air (U.S. Standard Atmosphere 1976).") == (
+        "Dry air (U.S. Standard Atmosphere 1976)"
+    )
+    assert first_line("An orbit:\n\n- `mu`") == "An orbit"
 
 
 def test_examples_of_an_object_are_named(monkeypatch):
