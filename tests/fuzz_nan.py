@@ -1,6 +1,6 @@
 """No silent NaN: `python tests/fuzz_nan.py [--runs N] [NAME ...]`.
 
-For each system of the registry so many legal inputs, and so many with one number that is not legal:
+For each system of the registry so many valid inputs, and so many with one number that is not valid:
 not finite, outside the range that its field declares, or far out. Every run has to end finite, with
 its invariants kept and its model never left, or with a `Status` that says why it did not. What it
 counts it keeps in `fuzz_nan.json`, from which it writes the page
@@ -58,7 +58,7 @@ class Counts(NamedTuple):
     silent: int
 
 
-def legal_inputs(sample, runs: int, key: np.random.Generator):
+def valid_inputs(sample, runs: int, key: np.random.Generator):
     """System and states with the runs on the last axis: every parameter times a factor from a half
     to two, every component of the state moved by a third of its block; any attitude."""
 
@@ -114,7 +114,7 @@ def _constrained(system, state):
 
 
 def poisoned(system, state, key: np.random.Generator):
-    """Of every run one number made illegal; and which runs the border refuses in a sentence."""
+    """Of every run one number made invalid; and which runs the border refuses in a sentence."""
     tree = jax.tree.map(lambda x: np.array(x) if eqx.is_array(x) else x, (system, state))
     places = []
     for path, x in jax.tree_util.tree_flatten_with_path(tree)[0]:
@@ -130,7 +130,7 @@ def poisoned(system, state, key: np.random.Generator):
     for run in range(runs):
         owner, name, x = places[key.integers(len(places))]
         place = (*(key.integers(n) for n in x.shape[:-1]), run)
-        x[place] = key.choice(_illegal(owner, name, x[place]))
+        x[place] = key.choice(_invalid(owner, name, x[place]))
         refused[run] = _refuses(owner, run)
     return _arrays(tree), refused
 
@@ -144,7 +144,7 @@ def _place(step):
     return next(getattr(step, kind) for kind in ("name", "key", "idx") if hasattr(step, kind))
 
 
-def _illegal(owner, name: str, x: float) -> tuple[float, ...]:
+def _invalid(owner, name: str, x: float) -> tuple[float, ...]:
     """Numbers that the declaration of a field does not allow, or that no computation can hold."""
     declared = quantities(type(owner)).get(name)
     outside = () if declared is None else tuple(p for p in (0.0, -x) if not declared.contains(p))
@@ -199,23 +199,23 @@ def _outside(system, ts, states):
 
 
 def count(sample, runs: int, seed: int = 0) -> list[Counts]:
-    """How legal and illegal inputs of one system end."""
+    """How valid and invalid inputs of one system end."""
     key = np.random.default_rng(seed)
-    legal = legal_inputs(sample, runs, key)
+    valid = valid_inputs(sample, runs, key)
     ts = jnp.asarray([0.0, 0.3 * sample.span])
     rows = []
-    illegal, refused = poisoned(*legal, key)
-    for kind, inputs in (("legal", _arrays(legal)), ("illegal", illegal)):
+    invalid, refused = poisoned(*valid, key)
+    for kind, inputs in (("valid", _arrays(valid)), ("invalid", invalid)):
         status, finite, change = (np.asarray(x) for x in run(*inputs, ts))
         good = status <= Status.EVENT
         failed = {s.name: int(np.sum(status == s)) for s in Status if not s.good}
         failed = {name: number for name, number in failed.items() if number}
         # What a number far out makes of an invariant says nothing about the run.
-        wrong = good & finite & (change > KEPT) if kind == "legal" else np.zeros(runs, bool)
+        wrong = good & finite & (change > KEPT) if kind == "valid" else np.zeros(runs, bool)
         if np.any(wrong):
             wrong[wrong] = _remains(*inputs, ts, wrong, change)
         ends = (int(np.sum(good & finite & ~wrong)), failed, int(np.sum(wrong)))
-        sentences = int(np.sum(refused)) if kind == "illegal" else 0
+        sentences = int(np.sum(refused)) if kind == "invalid" else 0
         silent = int(np.sum(good & ~finite))
         rows.append(Counts(sample.name, kind, runs, sentences, *ends, silent))
     return rows
@@ -236,22 +236,23 @@ The states of a successful run are finite, and a failed run has a `Status` that 
 `make fuzz` searches for exceptions, and writes this page: the columns *Silent NaN* and *Wrong* must
 be zero.
 
-Each system of the registry is simulated with random valid inputs (parameters from half to twice
-those of an example, states changed by a third), and with as many inputs that contain one invalid
-value each: not finite, very large (1e300), or outside the declared range of its field. Concrete
-invalid parameters raise an error. All runs below are made under `jit`, where values are not known,
-so that the invalid value is used. The motion may be finite nevertheless, for example with a moment
-of inertia of 1e300.
+Each system in the registry of the tests is simulated with random valid inputs (parameters from half
+to twice those of an example, states changed by a third), and with the same number of inputs that
+contain one invalid value each: not finite, very large (1e300), or outside the declared range of its
+field. Concrete invalid parameters raise an error; the column *Rejected if concrete* counts them.
+All runs below are made under `jit`, where values are not known during tracing, so that the
+invalid values are used. The motion may be finite nevertheless, for example with a moment of inertia
+of 1e300.
 
-The maximum number of steps is 512, which explains the status `MAX_STEPS` for extreme inputs, such
-as a planet of twice the radius, whose atmosphere the orbit enters, or a stage that starts far below
-the ground. With an attraction that decreases faster than 1/r^3 (`central_forces`), some orbits
-reach the centre in finite time, which cannot be resolved with any number of steps.
+The maximum number of steps is 512. Extreme inputs therefore lead to the status `MAX_STEPS`, for
+example a planet of twice the radius, whose atmosphere the orbit enters, or a stage that starts far
+below the ground. With an attraction that decreases faster than 1/r^3 (`central_forces`), some
+orbits reach the centre in finite time, which cannot be resolved with any number of steps.
 
 *Wrong* counts successful runs with valid inputs that were outside the range of validity of their
-model at one of eight times, or whose invariants changed by more than 1e-5, unless a hundred times
-smaller tolerance reduces the change by nine tenths: an orbit that falls from 5000 km to 30 km is
-that sensitive.
+model at one of eight times, or whose invariants changed by more than 1e-5. Runs in which a hundred
+times smaller tolerance reduces this change by nine tenths are not counted: their motion is
+sensitive, as for an orbit that falls from 5000 km to 30 km.
 
 | System | Inputs | Runs | Silent NaN | Wrong | Rejected if concrete | Successful | Failed |
 |---|---|--:|--:|--:|--:|--:|---|

@@ -17,8 +17,8 @@ DEFECT = 100.0
 
 HEAD = """# Fuzz testing
 
-`make fuzz` searches for the inputs with the largest numerical errors of all formulas, and writes
-this page. Errors are in units of the rounding error (2.2e-16) times the condition number: the
+`make fuzz` searches all formulas for the inputs with the largest numerical errors, and writes this
+page. Errors are in units of the rounding error (2.2e-16) times the condition number: the
 effect of rounding the inputs is about 1, and a value above 100 is a defect. The rounding error of a
 vector is relative to its norm, because a component that is nearly zero depends on the choice of
 axes.
@@ -28,16 +28,17 @@ axes.
 ## Method
 
 For each function the search evaluates random inputs, including inputs at and near its
-singularities, and moves from the worst ones to worse ones.
-`python tests/fuzz_errors.py --seconds 60 NAME` searches longer.
+singularities, and continues from the worst ones to inputs with larger errors.
+`python tests/fuzz_errors.py --seconds 60 NAME` extends the search for one function.
 
 The reference is an evaluation of the same formulas with forty digits. Forward- and reverse-mode
 derivatives are compared with central differences with sixty digits, each multiplied by its input.
 Outputs of the same kind are measured relative to the largest of them. This detects every rounding
 error, cancellation and overflow, and every incorrect derivative rule. It does not detect the
-truncation error of a series, a quadrature or a fixed number of steps, which the reference repeats:
-the [edge cases](https://jaxspace.github.io/jaxspace/latest/reference/hard_cases/) do, because their
-references are computed from other formulas. Near a singularity the condition number of a derivative
+truncation error of a series, a quadrature or a fixed number of steps, because the reference uses
+the same formulas. These errors are detected by the
+[edge cases](https://jaxspace.github.io/jaxspace/latest/reference/hard_cases/), whose references are
+computed from other formulas. Near a singularity the condition number of a derivative
 is an estimate.
 """
 TABLE = """
@@ -68,7 +69,8 @@ NOTES: dict[str, str] = {
         ("gyropendulum_motion", "rate_gyro_response", "error_motion", "compass"),
         "the error of the exponential of A t is proportional to the norm |A t|",
     ),
-    "gyro_rates": "the outer rate is a small remainder of a momentum that is mostly spin",
+    "gyro_rates": "the outer rate follows from a small difference between the momentum and that of "
+    "the spin",
     "kepler": "a distant flyby, whose derivatives with respect to velocity lose up to two digits",
     "burning_stage": "a mass far below the dry mass, which no run reaches: inertias cancel",
     "rolling_disk": "a flat disk, whose contact point is undefined",
@@ -107,33 +109,37 @@ def page(rows, missing: Sequence[str] = ()) -> str:
             parts.append(f"\n## {title}\n{TABLE}{lines}\n")
     parts.append("\n## Worst inputs\n\nInputs with an error above 30:\n\n")
     parts += [_place(r) for r in rows if max(r.value, r.slopes) > SHOWN] or ["- None.\n"]
-    parts.append("\n## Excluded names\n\nPublic names that are not searched, by reason:\n\n")
+    parts.append(
+        "\n## Excluded names\n\nPublic names that are excluded from the search, by reason:\n\n"
+    )
     searched = {name for r in rows for name in r.computes}
     for why, names in left_out(public_names() - searched).items():
         listed = ", ".join(f"`{name}`" for name in names)
         parts.append(f"- {why[0].upper()}{why[1:]}: {listed}.\n")
     if missing:
-        parts.append(f"\nStill to be searched by `make fuzz`: {', '.join(missing)}.\n")
+        parts.append(f"\nNot yet searched by `make fuzz`: {', '.join(missing)}.\n")
     return "".join(parts)
 
 
 def _summary(rows) -> str:
     places = sum(r.places for r in rows)
     over = [[r for r in rows if x(r) > DEFECT] for x in (lambda r: r.value, lambda r: r.slopes)]
-    counts = [f"{len(some)} of them ({_listed(some)})" if some else "none" for some in over]
+    counts = [_counted(some) for some in over]
     rest = [
         max((x(r) for r in rows if x(r) <= DEFECT), default=0.0)
         for x in (lambda r: r.value, lambda r: r.slopes)
     ]
     return (
-        f"The last search evaluated {len(rows)} functions and systems at {places:,} inputs. Errors "
-        f"above 100 in value: {counts[0]}; above 100 in a derivative: {counts[1]}. The maximum "
-        f"error of the others is {figure(rest[0])} in value and {figure(rest[1])} in derivatives."
+        f"The last search evaluated {len(rows)} functions and systems at {places:,} inputs. The "
+        f"error of the value exceeds 100 for {counts[0]}, and that of a derivative for "
+        f"{counts[1]}. The largest errors of the others are {figure(rest[0])} in the value and "
+        f"{figure(rest[1])} in the derivatives."
     )
 
 
-def _listed(rows) -> str:
-    return ", ".join(f"`{r.name}`" for r in rows)
+def _counted(rows) -> str:
+    names = ", ".join(f"`{r.name}`" for r in rows)
+    return f"{len(rows)} of them ({names})" if rows else "none of them"
 
 
 def figure(number: float) -> str:

@@ -71,10 +71,11 @@ def test_a_miss_is_bold_and_needs_a_reason(monkeypatch):
     assert (
         "**2.0e-05**" in page
         and "**fails**" in page
-        and "The error of 6 of 8 runs is within" in page
+        and "In 6 of 8 runs the error is within" in page
     )
     # Of the errors at the end half are beyond what was asked.
     assert (
-        "in 2 scenes, 4 of 4 runs report that it was reached. 2 of these errors are within" in page
+        "In 2 scenes, 4 of 4 runs report that the requested error was reached. "
+        "2 of these errors are within" in page
     )
-    assert "**2 (1)**" in page and "all runs of a search is 2, with" in page
+    assert "**2 (1)**" in page and "For the whole search its median is 2 and" in page

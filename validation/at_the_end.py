@@ -77,11 +77,11 @@ HEAD = """
 
 The table is for [`FinalError(1e-9)`](accuracy_and_derivatives.md#requesting-a-final-error) and
 other values, relative to every block. A cell contains the true error divided by the requested
-error, and in brackets the number of evaluations of the vector field in all runs of the search,
-divided by that of the cheapest sufficient tolerance, of three for each power of ten. *Not met*
-means that the run reported this itself. The scenes with names in lower case are from the registry
-of systems of the tests and were selected at random; those with a closed form are integrated for
-this comparison.
+error. The number in brackets is the number of evaluations of the vector field in all runs of the
+search, divided by that of a run at the cheapest sufficient tolerance; three tolerances were tested
+for each power of ten. *Not met* means that the run itself reported that the requested error was not
+reached. The scenes with names in lower case were selected at random from the registry of systems of
+the tests; those with a closed form are integrated for this comparison.
 
 | Scene | {columns} |
 |---|{rules}
@@ -94,7 +94,10 @@ def summary(found: dict[str, dict[str, list[AtTheEnd]]]) -> str:
     met = [one for one in every if one.met]
     late = [one for one in met if one.error > 1.0]
     worst = max(one.error for one in met)
-    within = f"All of these errors are within the request, the largest at {worst:.2g} of it."
+    within = (
+        "The true errors of all of these runs are within the request; the largest one is "
+        f"{worst:.2g} times the requested error."
+    )
     verb = "is" if len(late) == 1 else "are"
     beyond = (
         f"{len(met) - len(late)} of these errors are within the request, and {len(late)} {verb} "
@@ -108,11 +111,12 @@ def summary(found: dict[str, dict[str, list[AtTheEnd]]]) -> str:
     together, most = times([one.cost for one in met])
     last, most_last = times([one.last for one in met])
     return (
-        f"With a requested final error in {len(found)} scenes, {len(met)} of {len(every)} runs "
-        f"report that it was reached. {beyond if late else within} Relative to the cheapest "
-        f"sufficient tolerance, which is known only afterwards, the median number of evaluations "
-        f"of the vector field in all runs of a search is {together}, with a 90th percentile of "
-        f"{most}; for the last run alone it is {last}, with a 90th percentile of {most_last}."
+        f"Instead of a tolerance, the final error can be requested. In {len(found)} scenes, "
+        f"{len(met)} of {len(every)} runs report that the requested error was reached. "
+        f"{beyond if late else within}\n\nThe cost is the number of evaluations of the vector "
+        "field, divided by that of a run at the cheapest sufficient tolerance, which is known only "
+        f"afterwards. For the whole search its median is {together} and its 90th percentile "
+        f"{most}; for the last run of the search alone, {last} and {most_last}."
     )
 
 

@@ -179,10 +179,10 @@ class Variant(NamedTuple):
 
 
 VARIANTS = (
-    Variant("17: two stages to orbit, as the package says"),
-    Variant("17, with the area of the section", SECTION),
-    Variant("17, with the half rate of the inertia too", SECTION, 0.5),
-    Variant("17, with the start of the published course too", SECTION, 0.5, True),
+    Variant("17: two stages to orbit, model of the package"),
+    Variant("17, with the cross-section as reference area", SECTION),
+    Variant("17, also with the inertia term of the propellant", SECTION, 0.5),
+    Variant("17, also with the published initial velocity", SECTION, 0.5, True),
 )
 
 
@@ -261,35 +261,36 @@ def of_published_course(ts: np.ndarray, theirs: dict[str, np.ndarray]) -> list[R
     at = int(np.argmax(np.abs(area - SECTION)))
     return [
         Row(
-            what="17: its force over the coefficient and the dynamic pressure",
-            quantity="area, m^2, beside pi (1.5 m)^2",
+            what="17: published force over coefficient and dynamic pressure",
+            quantity="area, m^2, compared with pi (1.5 m)^2",
             ours=SECTION,
             theirs=float(area[at]),
             difference=float(abs(area[at] - SECTION)),
             allowed=1e-6,
-            why="the digits of the course",
+            why="the digits of the published trajectory",
             **words,
         ),
         Row(
-            what="17: its moment less that of the air, over the pitch rate",
-            quantity="share of the rate of the inertia, beside a half",
+            what="17: published minus aerodynamic moment, over the pitch rate",
+            quantity="fraction of the rate of the inertia, compared with one half",
             ours=0.5,
             theirs=float(share / inertia_rate(FIRST)),
             difference=float(abs(share / inertia_rate(FIRST) - 0.5)),
             allowed=2e-3,
-            why=JUDGED + "what a least-squares fit leaves",
+            why=JUDGED + "the residual of a least-squares fit",
             **words,
         ),
     ]
 
 
 DIFFERS = (
-    "the published course flies another reference area, another term of the inertia of the "
-    "propellant and another start than the package, as above; the last rows take them over."
+    "the reference area, the inertia term of the propellant and the initial velocity of the "
+    "published trajectory differ from those of the package, as described above; the rows below "
+    "adopt them one after the other."
 )
 LIMITS = (
-    JUDGED + "a hundredth and one degree: with one course at hand no two say how near they "
-    "should be"
+    JUDGED + "one percent and one degree: the spread of simulators is unknown with one "
+    "published trajectory"
 )
 
 

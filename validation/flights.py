@@ -17,8 +17,8 @@ ABOUT = """## Model rockets compared with measured flights
 The comparison includes eleven student rockets with a measured apogee, which their teams contributed
 to the examples of RocketPy: `examples/model_rockets/measured.py` contains their data and sources.
 Each is simulated from rail to apogee with six degrees of freedom, all with the same code. There are
-three rows for each: compared with RocketPy using the same data, with the simulation published by
-RocketPy, and with the altimeter.
+three rows for each rocket: a comparison with RocketPy using the same data, with the simulation
+published by RocketPy, and with the altimeter.
 
 The differences from the measurements are caused by the input data, not by the equations: with the
 same data both simulators agree to a thousandth, and both differ from the altimeter by the same 0.4
@@ -29,28 +29,29 @@ before the flight, for eight of the rockets the same with the motor on and off; 
 stated by the teams. Astra, Erebus and Lince flew 7 to 9 percent higher than predicted from these
 data, Andromeda, Genesis and Prometheus 4 to 5 percent lower.
 
-The published simulations differ if their atmosphere differs: RocketPy uses a wind for Juno III, and
-the wind of the same day one year later for Prometheus, which are not available here. These two and
-Valetudo are simulated in the calm standard atmosphere, all others in the atmosphere of the day. The
+The published simulations differ where they use another atmosphere: RocketPy uses a wind for Juno
+III, and for Prometheus the wind of the same day one year later. These winds are not available here,
+so both rockets, like Valetudo, are simulated in the calm standard atmosphere; all others are
+simulated in the atmosphere of the day. The
 RocketPy example of Valetudo uses thrust and drag data that are not thinned.
 """
 ROCKETS = Path(__file__).parents[1] / "examples" / "model_rockets"
 # Of `measured.APOGEES`: source, the share that is allowed, and why.
 SOURCES = (
     (
-        "RocketPy 1.13, the same numbers",
+        "RocketPy 1.13, same data",
         0.002,
-        "our judgement, 0.2 percent: models that differ, as above",
+        "our judgement, 0.2 percent: differences of the models, as above",
     ),
     (
-        "RocketPy's page",
+        "simulation published by RocketPy",
         0.04,
         "our judgement, 4 percent: other winds, and older versions of RocketPy",
     ),
     (
         "altimeter",
         0.1,
-        "our judgement, 10 percent: to which mass, thrust, drag and wind were known",
+        "our judgement, 10 percent: the uncertainty of mass, thrust, drag and wind",
     ),
 )
 # Of the tables by the Mach number and by time, so that all rockets are one batch.

@@ -36,7 +36,7 @@ def orbit_of_geos_3() -> list[Row]:
             0.5,
             "distance, km",
             VALLADO,
-            JUDGED + "another field and other axes",
+            JUDGED + "the gravity fields and the axes differ",
         ),
         (speed, 7432.62, 2.0, "speed, m/s", VALLADO, "the standard deviation of the speed"),
         (
@@ -64,7 +64,7 @@ def end_of_tiangong_1() -> Row:
         what="Re-entry of Tiangong-1 from elements seven weeks before",
         source="NORAD 37820: 2 April 2018, 00:16 UTC",
         quantity="day of 2018",
-        why="two standard deviations by the elements",
+        why="two standard deviations, from the scatter of the elements",
         note=DECAYED,
     )
 

@@ -72,11 +72,11 @@ CASES = {
     "01": Case("a sphere dropped without drag", drag=0.0),
     "02": Case("a tumbling brick", brick=True, drag=0.0, omega=TUMBLING),
     "03": Case("a tumbling brick with damping", brick=True, damped=True, drag=0.0, omega=TUMBLING),
-    "04": Case("a sphere, round earth at rest", round_earth=True, rate=0.0, omega=TUMBLING),
-    "05": Case("a sphere, round turning earth", round_earth=True, omega=TUMBLING),
+    "04": Case("a sphere, spherical earth at rest", round_earth=True, rate=0.0, omega=TUMBLING),
+    "05": Case("a sphere, spherical rotating earth", round_earth=True, omega=TUMBLING),
     "06": Case("a sphere, ellipsoid"),
     "07": Case("a sphere in steady wind", wind=(20.0 * FOOT, 0.0)),
-    "08": Case("a sphere in shearing wind", wind=SHEAR),
+    "08": Case("a sphere in wind shear", wind=SHEAR),
     "09": Case(
         "a cannonball to the east",
         height=0.0,
@@ -246,7 +246,7 @@ def against(
         theirs=float(theirs[nearest][at]),
         difference=float(distance[at]),
         allowed=max(float(np.median(pairs)), rounding),
-        why=f"the median distance between two of {len(theirs)} simulators",
+        why=f"the median difference between two of {len(theirs)} simulators",
         source=f"{source}, simulator {nearest}",
         **said,
     )

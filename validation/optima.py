@@ -6,8 +6,8 @@ from ._row import JUDGED, Row
 
 ABOUT = """## Optimal flight
 
-Found by gradients from a rough guess, without the structure of the optimum; `examples/known_optima`
-has the programs.
+The optima are computed by gradient-based optimisation from rough initial values, without knowledge
+of their structure. The programs are in `examples/known_optima`.
 """
 KNOWN = "optimization/test_optimization_known.py::test_"
 
@@ -23,30 +23,30 @@ WANTED = (
         f"{KNOWN}the_ascent_of_a_delta_iii",
         "Ascent of a Delta III, 37 unknowns in four phases",
         "Benson, MIT 2005; Rao et al., GPOPS, ACM TOMS 37 (2010)",
-        "time of the end, s",
-        JUDGED + "what 1e-6 of the mass leaves of the time, 2 ms",
+        "final time, s",
+        JUDGED + "2 ms, the change of the time that corresponds to 1e-6 of the mass",
         1,
     ),
     OfTest(
         f"{KNOWN}goddards_rocket",
         "Goddard's rocket with drag",
         "Bryson and Ho, *Applied Optimal Control*; Dolan, More, Munson, COPS 3.0",
-        "greatest height, radii",
-        "the last digit printed",
+        "maximum height, radii",
+        "one unit of the last printed digit",
     ),
     OfTest(
         f"{KNOWN}linear_tangent_steering",
         "Linear-tangent steering",
         "Betts, *Practical Methods for Optimal Control*",
-        "least time",
-        "half the last digit printed",
+        "minimum time",
+        "half a unit of the last printed digit",
     ),
     OfTest(
         f"{KNOWN}a_three_stage_launch_with_a_coast",
         "Launch of three stages with a coast",
         "Pontryagin's conditions, solved by SciPy",
         "mass in orbit, kg",
-        JUDGED + "1e-5 of the mass, for a steering of polynomials",
+        JUDGED + "1e-5 of the mass, because the steering consists of polynomials",
         1,
     ),
 )

@@ -84,8 +84,9 @@ def _section(about: str, rows: list[Row]) -> str:
     for why in dict.fromkeys(row.why for row in rows):
         names = dict.fromkeys(row.what for row in rows if row.why == why)
         lines.append(f"- {'; '.join(names)}: {why}.")
-    notes = [row for row in rows if row.note]
-    lines += ["", *(f"**{r.what}, {r.quantity}**: {r.note}\n" for r in notes)]
+    for note in dict.fromkeys(row.note for row in rows if row.note):
+        names = dict.fromkeys(row.what for row in rows if row.note == note)
+        lines.append(f"\n**{'; '.join(names)}**: {note}")
     return "\n".join(lines).rstrip() + "\n"
 
 

@@ -39,18 +39,20 @@ one.
 FEW = 16
 GROWN = {
     "orbit": JUDGED
-    + "1e-11 of the distance: roundings grow with the square of some fifteen revolutions",
-    "body": JUDGED + "1e-11: roundings of some hundred turns",
-    "top": JUDGED + "1e-9: roundings of a hundred nutations, some of them past the upright",
-    "eccentric": JUDGED + "1e-9 of the semi-major axis: roundings of a hundred periapses",
+    + "1e-11 of the distance: rounding errors grow with the square of about fifteen revolutions",
+    "body": JUDGED + "1e-11: rounding errors over about a hundred rotations",
+    "top": JUDGED
+    + "1e-9: rounding errors over a hundred nutations, some of which pass the vertical",
+    "eccentric": JUDGED
+    + "1e-9 of the semi-major axis: rounding errors over a hundred periapsis passages",
     "flow": JUDGED + "1e-12 of the distance",
     "transfer": JUDGED + "1e-12 of the speed",
-    "condition": "a hundred roundings of the start, the error from which a fuzz test reports a "
-    "defect, as the derivatives of two-body motion enlarge them",
+    "condition": "a hundred rounding errors of the initial state, the limit of the fuzz tests, "
+    "amplified by the derivatives of two-body motion",
 }
 # The bound of the fuzz tests, whatever the difference is.
 FUZZ_BOUND = 100.0 * np.finfo(float).eps
-BY_CONDITION = ("position, in its length", "condition")
+BY_CONDITION = ("position, relative to its length", "condition")
 
 
 def tight(system, y0, span: float, method) -> BodyState:
@@ -87,7 +89,7 @@ def orbits() -> list[Row]:
     y0 = first(low_orbits.orbits())
     states = np.concatenate([y0.position, y0.velocity])
     ours = tight(low_orbits.SCENE, y0, low_orbits.DAY, RKN1210()).position
-    words = ("Low orbits with J2 over a day", "position, in its length", "orbit", 1e-11)
+    words = ("Low orbits with J2 over a day", "position, relative to its length", "orbit", 1e-11)
     theirs = _measure.heyoka_ends(low_orbits.equations, states, low_orbits.DAY, 1e-18)()[:3]
     found = [relative(ours, theirs, "heyoka", *words)]
     theirs = low_orbits.by_scipy(states, "DOP853", 1e-13)()
@@ -144,7 +146,7 @@ def eccentric() -> list[Row]:
     what = "Orbit of e = 0.95 over a hundred revolutions"
     exact = eccentric_orbit.by_heyoka(1e-19, np.longdouble)
     allowed = 1e-9 / np.linalg.norm(START[:3])
-    words = ("position, in its length", "eccentric", float(allowed))
+    words = ("position, relative to its length", "eccentric", float(allowed))
     j2 = eccentric_orbit.J2
     pairs = [
         (0.0, eccentric_orbit.by_rebound(0.0), "rebound", what),
@@ -159,12 +161,17 @@ def closed_forms() -> list[Row]:
     r, v, t = first(kepler.states(), 256)
     if peer := _measure.pykep("propagate_lagrangian", r, v, t):
         ours = kepler_flow(r, v, t, 1.0)[0]
-        words = ("Ellipses and hyperbolas, closed form", "position, in its length", "flow", 1e-12)
+        words = (
+            "Ellipses and hyperbolas, closed form",
+            "position, relative to its length",
+            "flow",
+            1e-12,
+        )
         found.append(relative(ours, peer[1], "pykep", *words))
     start, end, duration = first(lambert_pairs.pairs(), 256)
     if peer := _measure.pykep("lambert_problem", start, end, duration):
         ours = lambert(start, end, duration, 1.0)[0]
-        words = ("Lambert's problem", "velocity, in its length", "transfer", 1e-12)
+        words = ("Lambert's problem", "velocity, relative to its length", "transfer", 1e-12)
         found.append(relative(ours, peer[1], "pykep", *words))
     return found
 

@@ -40,7 +40,10 @@ ELLIPSOID = "CS-SI/Orekit, `OneAxisEllipsoidTest.java`"
 JEOD = "nasa/jeod 6550cf4, `verif/SIM_dyncomp`"
 FREE = "attitude/test_attitude_torque_free.py::test_space_station"
 TIDAL = "attitude/test_attitude_gravity_gradient.py::test_a_cylinder_librates_over_eight_hours"
-OF_JEOD = JUDGED + "1e-3 m, 1e-9 of the quaternion and 1e-12 rad/s, of the integrator of its time"
+OF_JEOD = (
+    JUDGED + "1e-3 m, 1e-9 of the quaternion and 1e-12 rad/s, for the error of the integrator of "
+    "the source"
+)
 
 WANTED = (
     OfTest(
@@ -48,7 +51,7 @@ WANTED = (
         "Acceleration by the second zonal harmonic",
         HARMONICS,
         "acceleration, m/s^2",
-        JUDGED + "2e-14 of it",
+        JUDGED + "a relative difference of 2e-14",
         1,
     ),
     *(
@@ -120,7 +123,7 @@ def two_body() -> list[Row]:
     run = simulate(scene, BodyState(*POLAR), jnp.array([0.0, DAY]), accuracy=accuracy)
     stepped = np.stack([run.final.position, run.final.velocity])
     allowed = np.linalg.norm(GMAT_ENDS - GMAT_OTHER, axis=1)
-    why = "the distance of two of GMAT's own methods at the same tolerance"
+    why = "the difference between two methods of GMAT at the same tolerance"
     hub, _ = kepler_flow(HUB_R, HUB_V, 10.0, 3.986004415e14)
     return [
         *(
@@ -143,7 +146,7 @@ def two_body() -> list[Row]:
             what="Orbit over ten seconds",
             source=BASILISK,
             quantity="position, m",
-            why="1e-10, as its own test allows",
+            why="1e-10, the tolerance in the test of the source",
         ),
     ]
 
@@ -165,7 +168,8 @@ def oblate() -> list[Row]:
             what="Low orbit over a day with the second zonal harmonic",
             source=MONTE,
             quantity=quantity,
-            why="the distance of GMAT and MONTE, whose poles move and whose constants differ",
+            why="the difference between GMAT and MONTE, which include polar motion and use other "
+            "constants",
         )
         for k, quantity in enumerate(("position, km", "velocity, km/s"))
     ]
@@ -186,7 +190,7 @@ def tumbling() -> Row:
         what="Free body over ten seconds",
         source=BASILISK,
         quantity="modified Rodrigues parameters",
-        why="half the last digit printed",
+        why="half a unit of the last printed digit",
     )
 
 
@@ -207,7 +211,7 @@ def relative() -> list[Row]:
             what="Relative motion, half an hour",
             source=HILLS,
             quantity=quantity,
-            why="1e-14 of its length, as its own test allows",
+            why="1e-14 of the length of the vector, the tolerance in the test of the source",
         )
         for ours, theirs, quantity in zip(
             found, ends, ("position, m", "velocity, m/s"), strict=True
@@ -224,14 +228,14 @@ def transfers() -> list[Row]:
             ([0.02 * au, 0.0, 0.0], [0.0, -0.03 * au, 0.0], 8.64e6),
             ([-745.457, 156.743, 0.0], [104.495, -693.209, 0.0]),
             0.5e-3,
-            "half the last digit printed",
+            "half a unit of the last printed digit",
         ),
         (
             "an ellipse",
             ([2.0 * unit, 0.0, 0.0], [2.0 * unit, 2.0 * np.sqrt(3.0) * unit, 0.0], 5.0 * 806.78),
             ([2735.8, 6594.3, 0.0], [-1367.9, 4225.03, 0.0]),
             0.05,
-            "half the last digit printed of the coarsest component",
+            "half a unit of the last printed digit of the coarsest component",
         ),
     )
     return [
@@ -262,7 +266,7 @@ def geometry() -> list[Row]:
             what="Period of an orbit",
             source=KEPLERIAN,
             quantity="period, s",
-            why="1e-12 s, as its own test allows",
+            why="1e-12 s, the tolerance in the test of the source",
         ),
         *(
             compared(
@@ -279,7 +283,8 @@ def geometry() -> list[Row]:
                 theirs,
                 ("latitude, rad", "longitude, rad", "altitude, m"),
                 (0.5e-15, 0.5e-15, 2e-9),
-                2 * ["half the last digit printed"] + ["two roundings of the distance"],
+                2 * ["half a unit of the last printed digit"]
+                + ["two rounding errors of the distance"],
                 strict=True,
             )
         ),

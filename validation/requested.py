@@ -199,7 +199,7 @@ both take the minimum of 512 steps.
 
 *Growth* is the factor by which a small relative change of the initial state has grown at the end.
 It is a lower bound for the growth of rounding errors with any method, and errors of early steps
-grow by the same factor. Errors of more than ten times the tolerance are **bold**.
+grow by the same factor. Errors above ten times the tolerance are shown in **bold**.
 
 | Scene | Growth | Reference error | {asked} |
 |---|--:|--:|{rules}"""
@@ -211,10 +211,11 @@ There are two main reasons.
 *Revolutions*: an error in the energy causes a phase error that increases with every revolution;
 the growth indicates by how much.
 
-*Kinks*: the layer boundaries of the standard atmosphere and the nodes of the drag table. The times
-when the rocket passes them are unknown, so steps do not end there, and the error of a step across a
-kink is larger than its estimate. The reference method also missed them until its steps were limited
-to a 512th of a phase. This explanation is likely, but was not verified by a measurement.
+*Kinks*: the vector field has kinks at the layer boundaries of the standard atmosphere and at the
+nodes of the drag table. The times at which the rocket passes them are unknown, so that no step ends
+there, and the error of a step across a kink is larger than its estimate. The reference method also
+missed the kinks until its steps were limited to a 512th of a phase. This explanation is likely, but
+was not verified by a measurement.
 """
 NOTES = {
     "Transfer to the stationary orbit": "revolutions. In double precision every run ends within "
@@ -223,18 +224,18 @@ NOTES = {
     "Launch of two stages": "kinks. The motion amplifies these errors eightfold.",
     "Gravity turn to an apogee": "kinks. The errors at burnout are amplified 250 times at the "
     "apogee, half a revolution later.",
-    "Low-thrust spiral of 20 days": "revolutions, 310 of them without a closed form: most of the "
-    "accuracy is lost, and in single precision all of it, because a position in metres is rounded "
-    "by half a metre in each step. Set the tolerance to a ten-thousandth of the required error.",
+    "Low-thrust spiral of 20 days": "revolutions. There are 310, without a closed form: most of "
+    "the accuracy is lost, and in single precision all of it, because each step rounds a position "
+    "in metres by half a metre. Set the tolerance to a ten-thousandth of the required error.",
     "Two-gimbal gyro at 24,000 rpm": "the gimbals nutate some forty times during the run, and "
-    "errors grow by a factor of 900. In single precision more steps are less accurate, as each "
-    "step rounds the state.",
+    "errors grow by a factor of 900. In single precision, more steps give a less accurate result, "
+    "because each step rounds the state.",
     "Settling coin": "the coin comes to rest in finite time with a diverging rattle frequency, and "
     "the run ends close to that time: errors grow by a factor of 300, most rapidly at the end.",
     "Double pendulum": "the motion amplifies errors by a factor of fifteen in ten seconds, and "
     "continues to do so.",
-    "Molniya orbit over a month": "revolutions, 60 of them through a periapsis of 600 km: errors "
-    "grow by a factor of 3,600.",
+    "Molniya orbit over a month": "revolutions. There are 60, with a periapsis altitude of 600 km: "
+    "errors grow by a factor of 3,600.",
 }
 
 
@@ -305,10 +306,10 @@ def text(
     late = sum(map(len, misses.values()))
     every = len(settings) * len(found)
     summary = (
-        f"The error of {every - late} of {every} runs is within ten times the tolerance, and in "
-        f"{sum(not some for some in misses.values())} of {len(found)} scenes that of all runs. "
-        f"Of the {late} other runs, {_by_growth(found)} are within ten times the tolerance "
-        "multiplied by the *growth* of their motion."
+        f"In {every - late} of {every} runs the error is within ten times the tolerance; in "
+        f"{sum(not some for some in misses.values())} of the {len(found)} scenes this applies to "
+        f"all runs. Of the {late} other runs, {_by_growth(found)} are within ten times the "
+        "tolerance multiplied by the *growth* of their motion."
     )
     ends = {name: one.ends for name, one in found.items()} | others
     head = HEAD.format(

@@ -9,22 +9,22 @@ ABOUT = """## Model rockets compared with RocketPy
 Three of the example rockets of RocketPy 1.13 are simulated with both libraries, with the same
 tables. `python benchmarks/_rocketpy.py` computes the values of RocketPy: as released, and with the
 centre of mass on the correct side of the nozzle. In the equations of motion of RocketPy 1.13,
-propellant and nozzle are ahead of the centre of dry mass (issue 1186 reports a part of this). The
-first three of the six rockets are compared with the corrected simulations; the other three,
-mirrored in the same way, with RocketPy as released. The data of the rockets are under RocketPy's
-MIT licence.
+propellant and nozzle are ahead of the centre of dry mass (issue 1186 reports a part of this). In
+the rows "corrected", jaxspace is compared with the corrected simulations. In the rows "as
+released", the rockets in jaxspace are mirrored in the same way and compared with RocketPy as
+released. The data of the rockets are under RocketPy's MIT licence.
 """
 SOURCE = "RocketPy 1.13.0"
 MODELS = (
-    JUDGED + "models that differ: added mass of the parachutes, Coriolis force of the gas, sine of "
-    "the angle of attack in place of the angle"
+    JUDGED + "differences of the models: added mass of the parachutes, Coriolis force of the gas, "
+    "sine of the angle of attack instead of the angle"
 )
 ROCKETS = ("Calisto", "NDRT 2020", "Valetudo")
-FLIGHTS = tuple(f"{rocket}, {how}" for how in ("corrected", "as it is") for rocket in ROCKETS)
+FLIGHTS = tuple(f"{rocket}, {how}" for how in ("corrected", "as released") for rocket in ROCKETS)
 QUANTITIES = (
     "apogee, m",
     "time of the apogee, s",
-    "speed off the rail, m/s",
+    "speed at rail exit, m/s",
     "time of the landing, s",
     "drift, m",
 )
@@ -49,11 +49,11 @@ WANTED = (
             f"Calisto's {part}",
             SOURCE,
             quantity,
-            JUDGED + "1e-13: the same formulas of Barrowman",
+            JUDGED + "1e-13: both programs use Barrowman's formulas",
             2 * k + which,
         )
         for k, part in enumerate(("nose", "fins", "tail"))
-        for which, quantity in enumerate(("slope of the lift times area, m^2", "station, m"))
+        for which, quantity in enumerate(("lift-curve slope times area, m^2", "station, m"))
     ),
 )
 

@@ -4,19 +4,19 @@ from ._from_tests import OfTest
 from ._from_tests import rows as rows_of_tests
 from ._row import JUDGED, Row
 
-ABOUT = """## Textbooks, tables and truth sets
+ABOUT = """## Textbooks, tables and test sets
 
-Values as printed, or from computations of the same example with more digits. They are facts from
-the cited publications, and are also compared in the tests of this project.
+The reference values are printed in the cited publications, or result from computations of the same
+examples with more digits. The tests of this project make the same comparisons.
 """
 VALLADO = "Vallado, *Fundamentals of Astrodynamics*"
 CURTIS = "Curtis, *Orbital Mechanics*"
 DER = "Der, *The Superior Lambert Algorithm*"
-PRINTED = "the last digit printed"
-TRUTH = JUDGED + "1e-12 of the vector's length, of which the truth has 25 digits"
+PRINTED = "one unit of the last printed digit"
+TRUTH = JUDGED + "1e-12 of the length of the vector; the reference has 25 digits"
 PUBLISHED = "orbits/test_orbits_kepler.py::test_published_states"
 LAMBERT = "orbits/test_orbits_lambert.py::test_published"
-FROM_PRINTED = "the inputs are printed with as many digits"
+FROM_PRINTED = "the inputs are printed with the same number of digits"
 ATMOSPHERE = "U.S. Standard Atmosphere, 1976, table I"
 DENSE = "bodies/test_bodies_atmosphere.py::test_the_printed_table_up_to_the_mesopause"
 THIN = "bodies/test_bodies_atmosphere.py::test_the_printed_table_to_a_thousand_kilometres"
@@ -34,7 +34,7 @@ WANTED = (
     *(
         OfTest(
             f"orbits/test_orbits_kepler.py::test_anomalies_of_nasa_tr_r_158[{case}]",
-            "True anomaly of an eccentric one",
+            "True anomaly from the eccentric anomaly",
             "NASA TR R-158",
             f"true anomaly at e = {case.partition('-')[0]}, deg",
             PRINTED,
@@ -63,14 +63,15 @@ WANTED = (
             f"Lambert's problem, {what}",
             source,
             "velocity, km/s",
-            f"what the printed velocity misses the second place by, {missed} of its distance",
+            "the relative error of the final position that follows from the printed velocity, "
+            f"{missed}",
             allowed=allowed,
         )
         for case, what, source, missed, allowed in (
             ("LAM-VALLADO-7-5", "an ellipse", f"{VALLADO}, example 7-5", "2e-7", 1e-6),
             ("LAM-CURTIS-5-2", "an ellipse in space", f"{CURTIS}, example 5.2", "8e-6", 5e-5),
             ("LAM-DER-II-0P", "a Molniya orbit", DER, "3e-9", 1e-8),
-            ("LAM-DER-II-1PH", "the same, a revolution later", DER, "2e-8", 2e-8),
+            ("LAM-DER-II-1PH", "a Molniya orbit, one more revolution", DER, "2e-8", 2e-8),
         )
     ),
     *(
@@ -121,7 +122,7 @@ WANTED = (
             "Explorer 7 over a month, integrated with drag",
             "Brouwer, AJ 64 (1959), mean rates to the second order",
             quantity,
-            f"{JUDGED}the {share} that the mean of the osculating elements leaves",
+            f"{JUDGED}{share}, the uncertainty of the mean of the osculating elements",
             index,
         )
         for index, quantity, share in (
@@ -145,7 +146,8 @@ WANTED = (
             "Arenstorf orbit",
             "Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I*, II.0",
             quantity,
-            JUDGED + "1e-7 at a tolerance of 1e-13: errors grow a millionfold around the orbit",
+            JUDGED + "1e-7 at a tolerance of 1e-13: errors grow by a factor of a million along the "
+            "orbit",
             index,
         )
         for index, quantity in enumerate(("position after a period", "velocity after a period"))
@@ -159,7 +161,7 @@ WANTED = (
             JUDGED + "1e-8 at a tolerance of 1e-12",
             index,
         )
-        for index, quantity in enumerate(("places at t = 3", "velocities at t = 3"))
+        for index, quantity in enumerate(("positions at t = 3", "velocities at t = 3"))
     ),
 )
 

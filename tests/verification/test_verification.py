@@ -278,20 +278,20 @@ def test_every_public_formula_is_searched_or_left_out_for_a_reason():
     "sample", [s for s in SAMPLES if not s.sweep], ids=lambda sample: sample.name
 )
 def test_no_run_ends_well_and_is_no_number(sample):
-    legal, illegal = fuzz_nan.count(sample, 24)
-    for row in (legal, illegal):
+    valid, invalid = fuzz_nan.count(sample, 24)
+    for row in (valid, invalid):
         assert row.silent == row.wrong == 0, row
         assert row.good + sum(row.failed.values()) == row.runs
-    assert legal.refused == 0 < illegal.refused
-    assert sum(illegal.failed.values()) >= illegal.runs // 3
-    page = fuzz_nan.page([legal, illegal])
+    assert valid.refused == 0 < invalid.refused
+    assert sum(invalid.failed.values()) >= invalid.runs // 3
+    page = fuzz_nan.page([valid, invalid])
     assert page.count(sample.name) == 2
 
 
-def test_a_number_that_is_not_legal_is_refused_or_ends_with_a_status():
+def test_a_number_that_is_not_valid_is_refused_or_ends_with_a_status():
     sample = next(s for s in SAMPLES if s.name == "two_body")
     key = np.random.default_rng(0)
-    (system, state), refused = fuzz_nan.poisoned(*fuzz_nan.legal_inputs(sample, 64, key), key)
+    (system, state), refused = fuzz_nan.poisoned(*fuzz_nan.valid_inputs(sample, 64, key), key)
     mu = np.asarray(system.mu)
     # What construction refuses is the parameter; the state is read by the run.
     assert np.array_equal(refused, ~(np.isfinite(mu) & (mu > 0.0)))
