@@ -1,5 +1,5 @@
 """Makes each Python block of a page run when it is copied alone: its copy button also copies the
-statements of earlier blocks that it needs."""
+statements of earlier blocks that it needs, and writes the scene files of the page that it loads."""
 
 import ast
 import builtins
@@ -11,6 +11,12 @@ from typing import NamedTuple
 FENCE = re.compile(
     r"^```(python|\{\.python[^}\n]*\})\n(.*?)^```$", re.MULTILINE | re.DOTALL
 )
+# A block of TOML whose title is the name of a file.
+SCENE = re.compile(
+    r'^```\{\.toml title="([^"\n]+\.toml)"\}\n(.*?)^```$',
+    re.MULTILINE | re.DOTALL,
+)
+FILE = re.compile(r"[\w./-]+\.(?:bin|toml|zarr)")
 HIGHLIGHTED = '<div class="language-python highlight">'
 NOTE = """
 
@@ -24,7 +30,8 @@ class Statement(NamedTuple):
     """A statement of a page.
 
     - `source`: its text.
-    - `defines`, `reads`: the names that it binds or changes, and those that it reads.
+    - `defines`, `reads`: the names that it binds or changes, and those that it reads; a file that
+      it writes or reads counts as such a name.
     - `deferred`: whether it is a function or a class, which reads its names when it is called."""
 
     source: str
@@ -69,7 +76,10 @@ def on_page_content(html_text, page, **kwargs):
 
 def programs(markdown: str) -> list[str]:
     """For each Python block of a page the program that its copy button copies."""
-    earlier: list[str] = []
+    earlier = [
+        f'from pathlib import Path\n\nPath("{name}").write_text("""\n{text}""")\n'
+        for name, text in SCENE.findall(markdown)
+    ]
     found = []
     for fence, source in FENCE.findall(markdown):
         found.append(complete([*earlier, source]))
@@ -99,7 +109,13 @@ def complete(blocks: list[str]) -> str:
         later |= read
     if not kept:
         return last
-    return "\n".join([*_spaced([s.source for s in reversed(kept)]), last])
+    sources = [s.source for s in reversed(kept)]
+    once = [
+        source
+        for place, source in enumerate(sources)
+        if not SETTINGS.match(source) or source not in sources[:place]
+    ]
+    return "\n".join([*_spaced(once), last])
 
 
 def statements(block: str) -> list[Statement]:
@@ -117,10 +133,40 @@ def statements(block: str) -> list[Statement]:
                 ]
                 source = "\n".join(lines)
             deferred = isinstance(node, ast.FunctionDef | ast.ClassDef)
+            written, read = _files(node)
             found.append(
-                Statement(source, _defines(node), _reads(node), deferred)
+                Statement(
+                    source,
+                    _defines(node) | written,
+                    _reads(node) | read,
+                    deferred,
+                )
             )
     return found
+
+
+def _files(node: ast.stmt) -> tuple[frozenset[str], frozenset[str]]:
+    """The files and stores that a statement writes, and those that it reads."""
+    named = frozenset(
+        x.value
+        for x in ast.walk(node)
+        if isinstance(x, ast.Constant)
+        and isinstance(x.value, str)
+        and FILE.fullmatch(x.value)
+    )
+    options = {
+        x.arg: x.value for x in ast.walk(node) if isinstance(x, ast.keyword)
+    }
+    writes = "store" in options or any(
+        isinstance(x, ast.Attribute) and x.attr.startswith("write_")
+        for x in ast.walk(node)
+    )
+    # A campaign is resumed from a store that exists.
+    resumed = getattr(options.get("resume"), "value", False)
+    return (
+        named if writes else frozenset(),
+        named if resumed or not writes else frozenset(),
+    )
 
 
 def _import(node: ast.Import | ast.ImportFrom, alias: ast.alias) -> Statement:

@@ -6,7 +6,6 @@ A block of another library carries a title (```{.python title="SciPy"}), and is 
 
 import ast
 import builtins
-import contextlib
 import importlib
 import inspect
 import json
@@ -87,9 +86,9 @@ EXAMPLES = CODE.findall(README)
 
 def test_home_page_begins_as_the_readme():
     home, readme = [BLOCK.findall(text) for text in ((ROOT / HOME).read_text(), README)]
-    # Installation, orbit, gradient with its output, and campaign; the rest differs.
-    kinds = ["sh", "python", "python", "text", "toml", "sh", "python"]
-    assert home[:7] == readme[:7] and [kind for kind, _ in home[:7]] == kinds
+    # Installation, orbit, gradient and campaign with their outputs; the rest differs.
+    kinds = ["sh", "python", "python", "text", "toml", "python", "text", "sh"]
+    assert home[:8] == readme[:8] and [kind for kind, _ in home[:8]] == kinds
 
 
 @pytest.mark.parametrize("block", range(3), ids=("orbit", "gradient", "campaign"))
@@ -98,9 +97,6 @@ def test_each_block_of_the_readme_runs_alone(block, tmp_path, request, settings_
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     light = str(int(request.config.getoption("--sweep") == "sample"))
     settings = {"JAX_DISABLE_MOST_OPTIMIZATIONS": light, "MPLBACKEND": "agg", "PYTHONPATH": path}
-    if block == 2:
-        with contextlib.chdir(tmp_path):
-            assert cli.main(["new", "kick_stage"]) == 0
     done = subprocess.run(
         # The same program with fewer runs.
         [sys.executable, "-W", "error", "-c", EXAMPLES[block].replace("10_000", "100")],
@@ -366,3 +362,27 @@ def test_the_statements_that_a_block_needs_are_copied(monkeypatch):
     expected += "LATER = {}\nLATER['k'] = 2\nx = x + 1\n\n\nprint(f(2))\n"
     assert complete(blocks) == expected
     assert complete(blocks[:1]) == blocks[0]
+
+
+def test_a_copied_block_writes_the_files_that_it_reads(monkeypatch):
+    """Scene files that the page shows, and stores of campaigns with all that fills them."""
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    programs = importlib.import_module("_complete_blocks").programs
+    blocks = [
+        '{.toml title="a.toml"}\nmu = 1\n',
+        'python\njaxspace.enable_x64()\ndisperse(1, store="b.zarr")\n',
+        'python\njaxspace.enable_x64()\nr = disperse(1, store="b.zarr", resume=True)\n',
+        "python\nprint(r)\n",
+        'python\nload("a.toml")\n',
+    ]
+    page = "\n".join(f"```{block}```\n" for block in blocks)
+    *_, resumed, loaded = programs(page)
+    lines = [line for line in resumed.splitlines() if line]
+    assert lines == [
+        "jaxspace.enable_x64()",
+        'disperse(1, store="b.zarr")',
+        'r = disperse(1, store="b.zarr", resume=True)',
+        "print(r)",
+    ]
+    assert 'Path("a.toml").write_text("""\nmu = 1\n""")' in loaded
+    assert loaded.startswith("from pathlib import Path\n") and "disperse" not in loaded

@@ -5,6 +5,7 @@ import shutil
 import tomllib
 from pathlib import Path
 
+from .._load import example, scenes
 from ..core import InputError
 
 GOALS: dict[str, tuple[str, ...]] = {
@@ -67,13 +68,6 @@ GOALS: dict[str, tuple[str, ...]] = {
 COMMANDS = {"disperse": "dispersion", "optimize": "optimize"}
 
 
-def scenes() -> Path:
-    """The folder of the scenes: a part of the wheel, and in a clone that of its examples."""
-    package = Path(__file__).resolve().parents[1]
-    installed = package / "examples"
-    return installed if installed.is_dir() else package.parent / "examples" / "scenes"
-
-
 def show_examples() -> int:
     """Print the scenes by topic, each with its title and its commands."""
     names = [name for group in GOALS.values() for name in group]
@@ -94,14 +88,9 @@ def new(name: str, path: str | None) -> int:
     that it names.
 
     **Raises** `InputError` for an unknown name, and where there is a file already."""
-    names = [name for group in GOALS.values() for name in group]
-    if name not in names:
-        raise InputError(
-            f"{name} is not a bundled example: `jaxspace examples` lists "
-            f"them.{InputError.hint(name, names)}"
-        )
+    source = example(name)
     target = Path(f"{name}.toml" if path is None else path)
-    text = (scenes() / f"{name}.toml").read_text(encoding="utf-8")
+    text = source.read_text(encoding="utf-8")
     # Each by its name only: the copies are in the same folder.
     beside = {named: target.parent / Path(named).name for named in _named_files(text)}
     for path_there in (target, *beside.values()):
