@@ -216,7 +216,7 @@ def _parts_left(store: str, result: Dispersion, engine: Part) -> str:
     named = ", ".join(map(str, parts[:20])) + (", ..." if len(parts) > 20 else "")
     return (
         f"part {engine.part} of {engine.parts} is finished: {result.runs} of "
-        f"{result.planned_runs} runs are in {store}. Parts that are not: {named}."
+        f"{result.planned_runs} runs are in {store}. Unfinished parts: {named}."
     )
 
 

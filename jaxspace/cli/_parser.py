@@ -74,7 +74,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _programs_options(programs: argparse.ArgumentParser) -> None:
-    programs.add_argument("--clear", action="store_true", help="remove all of them")
+    programs.add_argument("--clear", action="store_true", help="remove all stored programs")
 
 
 def _new_options(new: argparse.ArgumentParser) -> None:
@@ -194,7 +194,7 @@ def _disperse_options(disperse: argparse.ArgumentParser) -> None:
     disperse.add_argument(
         "--times",
         metavar="TIME[,TIME...]",
-        help="times at which to store the state of every run instead, such as "
+        help="times at which to store the state of every run, instead of --samples, such as "
         '"0, 90 s, 10 min"; NaN for the phases that do not cover a time',
     )
     disperse.add_argument("--overwrite", action="store_true", help="replace an existing store")
@@ -212,7 +212,7 @@ def _method_options(disperse: argparse.ArgumentParser) -> None:
         "--until",
         type=_rule,
         metavar="OUTPUT[:SHARE[:PRECISION]]",
-        help="stop when the quantile SHARE of OUTPUT (default: 0.99) is known to PRECISION "
+        help="stop when the percentile SHARE (default: 0.99) of OUTPUT is known to PRECISION "
         "(default: 0.01), or after --runs",
     )
     disperse.add_argument(

@@ -256,7 +256,7 @@ def summary(row: "Row") -> str:
     """Mean, standard deviation and limits of an output, with the digits that its standard deviation
     justifies; and the number of runs outside the bins."""
     numbers = (row.shown(x) for x in (row.mean, row.std, row.low, row.high))
-    words = "mean {}, deviation {}; 99 % within {} … {}".format(*numbers)
+    words = "mean {}, std dev {}; 99 % within {} … {}".format(*numbers)
     return words + (f"; beyond the bins: {row.missing()}" if row.missing() else "")
 
 

@@ -43,7 +43,7 @@ def dispersion_page(
     """Write a page of a campaign: its card, tables and interactive plots, light or dark.
 
     It contains the outputs with their nominal values and limits, a scatter plot of any two
-    quantities with the ellipse of 99 %, histograms, a scatter matrix, the largest contributors to
+    quantities with the 99 % ellipse, histograms, a scatter matrix, the largest contributors to
     each output, convergence, failures, the time budget, and trajectories; also the landing points
     if `east` and `north` are outputs. Of a million runs the plots show bins and 2000 points: the
     file stays below 5 MB.
@@ -131,7 +131,7 @@ def _card(dispersion: "Dispersion") -> str:
         if "rtol" in record
         else "",
         "time": f"{dispersion.seconds:.3g} s" if np.isfinite(dispersion.seconds) else "",
-        "evaluations": f"{np.mean(dispersion.evaluations):.0f} of the vector field a run",
+        "evaluations": f"{np.mean(dispersion.evaluations):.0f} of the vector field per run",
         "versions": ", ".join(f"{k} {v}" for k, v in versions.items() if v != "not installed"),
     }
     terms = "".join(f"<dt>{k}</dt><dd>{escape(v)}</dd>" for k, v in rows.items() if v)
@@ -155,8 +155,8 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
     required = dispersion.requirements
     violations = dispersion.violations()
     verdicts = dispersion.verdicts
-    heads = ["output", "nominal", "mean", "deviation", "middle 99\u00a0%", "limit of 99.5\u00a0%"]
-    heads += ["least, greatest", "runs"]
+    heads = ["output", "nominal", "mean", "std\u00a0dev", "0.5th to 99.5th percentile"]
+    heads += ["95\u00a0% interval of the 99.5th percentile", "least, greatest", "runs"]
     known = "numerical_errors" in dispersion.attributes
     heads += ["numerical error"] if known else []
     heads += ["required", "violated", "at most"] if required else []
@@ -181,10 +181,12 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
                 [f"{100.0 * verdict.allowed:.6g}\u00a0%", verdict.word] if verdict else ["", ""]
             )
         lines.append(_cells(cells, text=1, heads=heads))
-    note = "The interval contains the 99.5 % limit with 95 % confidence."
+    note = (
+        "The 95 % interval contains the 99.5th percentile of the distribution with 95 % confidence."
+    )
     if required:
-        note += " A failed run counts as a violation; “at most” is the upper end of the interval"
-        note += " with 95 % confidence, or with the confidence of the requirement."
+        note += " A failed run counts as a violation. “At most” is the upper limit of the 95 %"
+        note += " confidence interval, or of that with the confidence of the requirement."
     purpose = dispersion.purpose
     sentences = [*dispersion.warnings, *([] if purpose is None else [purpose.sentence])]
     warnings = "".join(f'<p class="note">{escape(x)}</p>' for x in sentences)
@@ -288,10 +290,10 @@ def _time(dispersion: "Dispersion", data: Record) -> list[str]:
 
 
 def _failures(dispersion: "Dispersion") -> str:
-    """The bad ends: how many, why, and some of their numbers."""
+    """The failed runs: their status, their cause, their number, and the numbers of some of them."""
     if not dispersion.failed:
         return "<p>All runs succeeded.</p>"
-    lines = [_cells(["status", "what happened", "runs", "numbers"], "th")]
+    lines = [_cells(["status", "cause", "runs", "run numbers"], "th")]
     lines += [_cells(_failure(dispersion, f)) for f in dispersion.failed]
     table = "\n".join(lines)
     return f'<div class="wide bad"><table>{table}</table></div>'

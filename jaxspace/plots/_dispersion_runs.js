@@ -17,7 +17,7 @@ function ellipse(a, b) {
     x,
     y,
     mode: "lines",
-    name: "ellipse of 99 %",
+    name: "99 % ellipse",
     line: { color: colour("--c1"), width: 1.6 },
     hoverinfo: "skip",
   };
@@ -144,7 +144,7 @@ function drawRose() {
       ticktext: ["N", "NE", "E", "SE", "S", "SW", "W", "NW"],
     },
   };
-  const title = { text: "Wind by height: from where", font: { size: 13 }, x: 0.5 };
+  const title = { text: "Wind direction by height", font: { size: 13 }, x: 0.5 };
   return Plotly.react(
     "rose",
     bars,
@@ -186,7 +186,7 @@ function drawHistogram() {
   const limits = [h.low, h.high]
     .filter((x) => x !== null)
     .map((x, k) => ({
-      ...upright(x, top, "limits of the middle 99 %", colour("--soft"), "dash"),
+      ...upright(x, top, "0.5th and 99.5th percentiles", colour("--soft"), "dash"),
       legendgroup: "l",
       showlegend: k === 0,
     }));

@@ -44,14 +44,14 @@ function drawConvergence() {
     fill: "toself",
     mode: "none",
     fillcolor: colour("--c0") + "33",
-    name: "its interval of 95 %",
+    name: "95 % confidence interval",
     hoverinfo: "skip",
   };
   const limit = {
     x: c.runs,
     y: c.limit,
     mode: "lines",
-    name: "99 % limit",
+    name: "99th percentile",
     line: { color: colour("--c0"), width: 2 },
   };
   const mean = {

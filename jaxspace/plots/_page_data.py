@@ -248,7 +248,7 @@ def _convergence(dispersion: "Dispersion", name: str, row: "Row") -> Record | No
     # With infinite runs, an infinite end is correct.
     if known[-1] or row.above or row.below:
         ends = (row.shown(x) for x in (result.limit[-1], result.low[-1], result.high[-1]))
-        words = "99 % limit {}, with 95 % confidence from {} to {}".format(*ends)
+        words = "99th percentile {}, 95 % confidence interval {} to {}".format(*ends)
     return {
         "runs": result.runs.tolist(),
         **{

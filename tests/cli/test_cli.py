@@ -228,7 +228,7 @@ def test_a_mission_meets_its_error_and_names_its_file_for_the_next_command(tmp_p
     path.write_text(CHEAP.replace("accuracy = 1e-6", 'final_error = { position = "1 m" }'))
     assert main(["run", str(path), "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
-    assert "requested final error" in printed and "the rounding of a closed form" in printed
+    assert "requested final error" in printed and "the rounding error of a closed form" in printed
     assert f"next   jaxspace disperse {path}\n" in printed
 
 

@@ -137,7 +137,7 @@ def test_commands_of_an_array_job(tmp_path, monkeypatch, capsys):
     assert main(["disperse", "coast.toml", "--part", "1/2"]) == 0
     out = capsys.readouterr().out
     assert "part 1 of 2 is finished: 1024 of 2000 runs are in out/coast.zarr." in out
-    assert "Parts that are not: 2." in out and not (tmp_path / "out" / "coast.png").exists()
+    assert "Unfinished parts: 2." in out and not (tmp_path / "out" / "coast.png").exists()
     assert main(["disperse", "coast.toml", "--part", "2/2"]) == 0
     assert "2000 of 2000 runs succeeded." in capsys.readouterr().out
     assert (tmp_path / "out" / "coast.html").exists()

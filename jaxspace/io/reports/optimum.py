@@ -53,14 +53,14 @@ def _objective_rows(optimum: Optimum, confirmed: float) -> list[Row]:
     goal = optimum.task.objective
     verb = "least" if optimum.task.sign > 0.0 else "greatest"
     cells = (_or_dash(goal.factor * x) for x in (optimum.objective, confirmed))
-    return [("", "found", "confirmed"), (label(f"{verb} {goal.name}", goal.unit), *cells)]
+    return [("", "search", "verification run"), (label(f"{verb} {goal.name}", goal.unit), *cells)]
 
 
 def _free_rows(optimum: Optimum) -> list[Row]:
     """Start, optimum and bounds of each design variable, and the sensitivity of the objective to an
     active bound."""
     goal, held = optimum.task.objective, optimum.bound_derivatives
-    rows: list[Row] = [("free", "start", "optimum", "low", "high", "slope")]
+    rows: list[Row] = [("design variable", "start", "optimum", "low", "high", "slope")]
     for free in optimum.task.free:
         numbers = (free.start, optimum.values[free.path], free.low, free.high)
         slope = goal.factor * held[free.path] / free.factor if free.path in held else math.nan
@@ -72,7 +72,7 @@ def _free_rows(optimum: Optimum) -> list[Row]:
 def _constraint_rows(optimum: Optimum, confirmed: Sequence[float]) -> list[Row]:
     """Target and values of each constraint, and how the objective moves with its target."""
     goal = optimum.task.objective
-    rows: list[Row] = [("constraint", "", "target", "found", "confirmed", "slope")]
+    rows: list[Row] = [("constraint", "", "target", "search", "verification run", "slope")]
     slopes = optimum.target_derivatives
     values = zip(optimum.task.demands, optimum.constraints, confirmed, slopes, strict=True)
     for demand, value, checked, slope in values:
@@ -113,7 +113,7 @@ def sensitivity_report(optimum: Optimum, count: int = 12) -> str:
     slopes = optimum.sensitivities()
     moves = {p: 0.01 * goal.factor * float(numbers[p]) * x for p, x in slopes.items()}
     order = sorted(moves, key=lambda p: -abs(moves[p]))[:count]
-    rows = [("one percent more of", f"moves {label(goal.name, goal.unit)} by")]
+    rows = [("increase by 1 %", f"change of {label(goal.name, goal.unit)}")]
     return aligned([*rows, *((p, f"{moves[p]:+.4g}") for p in order if moves[p] != 0.0)])
 
 

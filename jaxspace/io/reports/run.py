@@ -85,7 +85,7 @@ def final_error_rows(value: Value, run: Simulated | LoopRun) -> list[tuple[str, 
     if all(phase.config.method == "closed_form" for phase in run.phases):
         return [
             *rows,
-            ("estimated final error", f"{listed(estimate)}, the rounding of a closed form"),
+            ("estimated final error", f"{listed(estimate)}, the rounding error of a closed form"),
         ]
     rows.append(("estimated final error", listed(estimate)))
     # The searched tolerance itself, of which campaigns take two digits.
