@@ -1,8 +1,8 @@
-"""Evidence for the selection of `method="auto"`: 256 eccentric orbits over ten revolutions, with a
-low periapsis above an oblate body, by RKN 12(10) in physical time, by adaptive and by fixed steps
-in regularised variables with their error estimate, and by heyoka with vectorised integration; and a
-gyrocompass for a hundred seconds, 1e5 radians of the nutation of its rotor, by DOP853 and by the
-default method."""
+"""Evidence for the rules of `method="auto"`. The first case is 256 eccentric orbits over ten
+revolutions, with a low periapsis above an oblate body, by RKN 12(10) in physical time, by adaptive
+and by fixed steps in regularised variables with their error estimate, and by heyoka with vectorised
+integration. The second case is a gyrocompass for a hundred seconds, 1e5 radians of the nutation of
+its rotor, by DOP853 and by the default method."""
 
 from typing import Any
 

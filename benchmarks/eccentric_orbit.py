@@ -1,8 +1,8 @@
 """One orbit of eccentricity 0.95 for a hundred revolutions, about a centre whose J2 is a run-time
-value: the time of one call, `simulate` inside `jax.jit` for jaxspace. Errors are in semi-major
-axes: without oblateness, where the body returns to its initial position, and with J2 = 1e-3 at a
-periapsis of 1.25 radii, where oblateness is significant only in the steps closest to the
-periapsis."""
+value. The time is that of one call; for jaxspace, of `simulate` inside `jax.jit`. Errors are in
+units of the semi-major axis. There are two cases: without oblateness, where the body returns to its
+initial position, and with J2 = 1e-3 at a periapsis of 1.25 radii, where oblateness is significant
+only in the steps closest to the periapsis."""
 
 import diffrax
 import jax

@@ -1,13 +1,14 @@
 """Conversion of a million states on all conics to classical, modified equinoctial and equinoctial
-elements and back: compiled, as one array and distributed over all cores, compared with the same
-formulas in NumPy on whole arrays, with Newton iterations for Kepler's equation. In one loop: both
-conversions for one block of states at a time (`core.in_blocks` around both) with the widest
-vectors, so that the elements remain in the cache. In place: the results overwrite the states, which
-are donated. The error is the relative error of the position after both conversions; in place, after
-as many conversions as were timed. The last rows are the bounds: sines and arctangents, a million
-each, in XLA, in NumPy and in the vector functions of jaxspace; and the negation of all values,
-which is the memory traffic of reading and writing the states: with new memory it takes five times
-as long as in place, because the operating system maps each page on first access."""
+elements and back. The compiled conversions, on one array and distributed over all cores, are
+compared with the same formulas in NumPy on whole arrays, with Newton iterations for Kepler's
+equation. "In one loop" applies both conversions to one block of states at a time (`core.in_blocks`
+around both) with the widest vectors, so that the elements remain in the cache. "In place"
+overwrites the states, which are donated, with the results. The error is the relative error of the
+position after both conversions; in place, after as many conversions as were timed. The last rows
+are lower bounds of the time: a million sines and a million arctangents, in XLA, in NumPy and in the
+vector functions of jaxspace, and the negation of all values, which has the memory traffic of
+reading and writing the states. With new memory the negation takes five times as long as in place,
+because the operating system maps each page on first access."""
 
 import jax
 import jax.numpy as jnp

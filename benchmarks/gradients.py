@@ -1,14 +1,15 @@
-"""Cost of a derivative relative to the run itself: reverse mode, and the full Jacobian in forward
-mode; 256 low orbits for three revolutions, in one program compiled by the user for vectors of 512
-bits, with the default `max_steps`. Forward mode executes the steps twice, once to record them and
-once along the record, and a column costs as much as 0.6 to 1.0 of a run, because a tangent has the
-same sums of the method as a state and only the roots and quotients of the vector field are shared:
-six columns cost as much as eight or nine runs, and twenty-three with Stormer's method. A
-handwritten derivative rule for the gravity gradient, which is symmetric, did not reduce the cost of
-a column. Without derivative control the steps depend only on the motion; forward mode of a single
-run is along one direction. The flight is through the standard atmosphere with tables of drag and
-thrust, whose kinks are discontinuities of a tangent: its error is that of the derivative with
-respect to the initial mass, compared with the tightest tolerance."""
+"""Cost of a derivative relative to the run itself, in reverse mode and, for the full Jacobian, in
+forward mode. The runs are 256 low orbits for three revolutions, in one program compiled by the user
+for vectors of 512 bits, with the default `max_steps`. Forward mode executes the steps twice, once
+to record them and once along the record. Each column of the Jacobian costs as much as 0.6 to 1.0 of
+a run, because a tangent requires the same sums of the method as a state, and shares only the roots
+and quotients of the vector field. Six columns cost as much as eight or nine runs, and as
+twenty-three with Stormer's method. A handwritten derivative rule for the gravity gradient, which is
+symmetric, did not reduce the cost of a column. Without derivative control the steps depend only on
+the motion. For a single run, forward mode computes the derivative along one direction. The flight
+is through the standard atmosphere with tables of drag and thrust, whose kinks are discontinuities
+of a tangent: its error is that of the derivative with respect to the initial mass, compared with
+the tightest tolerance."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,6 +1,7 @@
-"""One training step of a network inside a system, loss and gradient: 256 trajectories of a plane
-pendulum with a network of 1,282 weights, tolerance 1e-3, single precision, in one program; and a
-handwritten mapped solve with diffrax with the same method and tolerance."""
+"""One training step of a network inside a system, which consists of the loss and its gradient, for
+256 trajectories of a plane pendulum with a network of 1,282 weights, tolerance 1e-3, single
+precision, in one program; and a handwritten mapped solve with diffrax with the same method and
+tolerance."""
 
 import diffrax
 import equinox as eqx

@@ -1,8 +1,9 @@
 """Lambert's problem for a hundred thousand pairs of positions at a few radii from the centre, with
-arrival within one revolution: the initial velocity. pykep runs on one core, with lists prepared in
-advance and without storing its results. The error is the miss distance of a sample, computed with
-forty digits, relative to the distance of the second position; hard transfers have transfer angles
-within 1e-4 rad of zero, half a turn and a full turn, and durations of 1e-2 to 1e2 time units.
+arrival within one revolution; the result is the initial velocity. pykep runs on one core, with
+lists prepared in advance and without storing its results. The error is the miss distance of a
+sample, computed with forty digits, relative to the distance of the second position; hard transfers
+have transfer angles within 1e-4 rad of zero, half a turn and a full turn, and durations of 1e-2 to
+1e2 time units.
 
 In blocks: a thousand pairs at a time, arrays (blocks, 3, 1024). Ours give both velocities, as pykep
 does."""

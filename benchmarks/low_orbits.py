@@ -1,5 +1,6 @@
-"""One day of low orbits under oblateness (15 revolutions): jaxspace and heyoka, diffrax and
-astrojax mapped over the runs, and SciPy for the first few runs, one at a time."""
+"""One day of low orbits under oblateness (15 revolutions). jaxspace and heyoka compute batches,
+diffrax and astrojax are mapped over the runs, and SciPy computes the first few runs, one at a
+time."""
 
 import math
 from typing import Any

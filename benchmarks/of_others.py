@@ -1,8 +1,8 @@
-"""Benchmarks of other libraries: ensembles of the Lorenz system, as in DiffEqGPU's benchmarks, with
-diffrax under `vmap` and SciPy one run at a time; two-body orbits one day later, and a low
-revolution under J2 and under a field of degree and order 5, as in brahe's benchmarks, with brahe
-and with astrojax, whose example of numerical propagation takes the same steps under `vmap`. The
-free bodies of MuJoCo's MJX are in `environment_steps`.
+"""Benchmarks from the documentation of other libraries: ensembles of the Lorenz system, as in
+DiffEqGPU's benchmarks, with diffrax under `vmap` and SciPy one run at a time; two-body orbits one
+day later, and a low revolution under J2 and under a field of degree and order 5, as in brahe's
+benchmarks, with brahe and with astrojax, whose example of numerical propagation takes the same
+steps under `vmap`. The free bodies of MuJoCo's MJX are in `environment_steps`.
 
 The Lorenz systems differ in rho, from 0 to 21, and go from (1, 0, 0) to t = 1 by the same method of
 order 5 at the same tolerance; DiffEqGPU takes 8 million of them on a GPU, so does one row here on

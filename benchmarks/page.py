@@ -17,16 +17,16 @@ HEAD = """# Benchmarks: speed and accuracy
 
 `make bench` runs these measurements and writes this page. All methods perform the same task in one
 process, in turn. The values are medians; the first call, which compiles, is listed separately.
-`cores` is the average number of cores used: a value per CPU second is for comparing methods that
-use different numbers of cores, and is inaccurate if a call is shorter than the resolution of the
+The column `cores` is the average number of cores used. Values per CPU second compare methods that
+use different numbers of cores; they are inaccurate if a call is shorter than the resolution of the
 CPU clock. Errors are those of the worst run. Results depend on the machine: compare within a
 column.
 
 The instruction set of the processor determines most results. Most servers and desktops support
-AVX2; some support AVX-512, with twice as wide vectors and twice as many registers. A table is for
-the first machine that it lists; rates for another instruction set, if measured, are in the last
-columns. "avx2 of avx512" is a processor with AVX-512 whose wide vectors were disabled for jaxspace:
-the other libraries in that column use them.
+AVX2; some support AVX-512, with twice as wide vectors and twice as many registers. Each table
+contains the results of the first machine that is listed below it; rates for another instruction
+set, if measured, are in the last columns. "avx2 of avx512" is a processor with AVX-512 whose wide
+vectors were disabled for jaxspace; the other libraries in that column use them.
 """
 
 

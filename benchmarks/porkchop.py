@@ -1,6 +1,7 @@
-"""A million transfers from Earth to Mars on elliptic orbits: a thousand departure by a thousand
-arrival times, the magnitudes of both impulses, one call of `lambert` for each; on one device, and
-with the departures distributed over all. Seconds for the whole table."""
+"""A million transfers from Earth to Mars on elliptic orbits: the magnitudes of both impulses for a
+thousand departure and a thousand arrival times, with one call of `lambert` for each transfer, on
+one device and with the departures distributed over all devices. The times are for the whole
+table."""
 
 import jax
 import jax.numpy as jnp

@@ -1,11 +1,11 @@
 """An asymmetric body tumbling in a low orbit under the gravity-gradient torque, over some hundred
 precessions: integration of orbit and rotation together, exact motions with kicks, steps on the
-rotation group, and heyoka's Taylor method. First at twenty times the orbital rate, where the torque
-is one hundredth of the gyroscopic torque and every turn needs several kicks; then at 2e5 times,
-where steps may span several turns. The last rows are the costs of one evaluation of the equations,
-one kick, and one exact motion. An exact motion costs as much as tens of evaluations: the splitting
-is faster only if its number of kicks is smaller than the number of evaluations of DOP853 by more
-than this factor, whatever its coefficients are."""
+rotation group, and heyoka's Taylor method. The body rotates first at twenty times the orbital rate,
+where the torque is one hundredth of the gyroscopic torque and every turn needs several kicks, then
+at 2e5 times the orbital rate, where steps may span several turns. The last rows are the costs of
+one evaluation of the equations, one kick, and one exact motion. An exact motion costs as much as
+tens of evaluations: the splitting is faster only if its number of kicks is smaller than the number
+of evaluations of DOP853 by more than this factor, whatever its coefficients are."""
 
 from typing import Any
 
