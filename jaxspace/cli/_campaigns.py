@@ -54,6 +54,11 @@ def disperse(path: str, options: Options, folder: str, modules: Sequence[str] = 
     a page."""
     file = load(path, modules=modules)
     runs = file.runs if options.runs is None else options.runs
+    if file.sweeps_only and runs > 1:
+        raise InputError(
+            f"--runs is {runs}: no input of the file is random besides the sweep, so each row has "
+            "one run: omit it, or disperse an input."
+        )
     seed = file.seed if options.seed is None else options.seed
     if options.method != MONTE_CARLO:
         _refuse_options_of_runs(options)
@@ -105,6 +110,9 @@ def _without_runs(file: SceneFile, method: str) -> int:
 
 
 def _head(file: SceneFile, runs: int, seed: int, until: StopRule | None) -> str:
+    if file.sweep:
+        each = "1 run" if runs == 1 else f"{runs} runs"
+        return f"{file.title}: sweep of {file.rows} rows, {each} in each, seed {seed}"
     if until is None:
         return f"{file.title}: {runs} runs, seed {seed}"
     return f"{file.title}: at most {runs} runs, seed {seed}, {until.text()}"
@@ -121,7 +129,8 @@ def resume(store: str, engine: str, modules: Sequence[str] = (), runs: int | Non
     stored = {"seed": there["seed"], "chunk": there["chunk"], "samples": there.get("samples", 0)}
     stored["times"] = there.get("times")
     stored["until"] = StopRule(**there["until"]) if there.get("until") else None
-    planned = int(there["planned_runs"])
+    # Of each row of a sweep, as given to `disperse`.
+    planned = int(there["planned_runs"]) // dispersion.rows
     if runs is not None and runs < planned:
         raise InputError(
             f"--runs is {runs}: the store was planned for {planned}; give at least that."
@@ -164,7 +173,8 @@ def _run_and_report(
     with waiting("simulating the nominal run"):
         nominal = None if file.site is not None else file.nominal_mission()
     campaign = file.campaign(nominal, warn=False, runs=runs)
-    with progress("compiling and starting up", total=runs, unit="run") as bar:
+    total = campaign.total_runs(runs)
+    with progress("compiling and starting up", total=total, unit="run") as bar:
         # Through the bar, which moves down: a plain print would tear it.
         write = functools.partial(bar.write, file=sys.stderr)
 
@@ -183,19 +193,20 @@ def _run_and_report(
                 progress=show,
                 **how,
             )
-    if isinstance(engine, Part) and result.runs < runs:
+    if isinstance(engine, Part) and result.runs < total:
         print(_parts_left(store, result, engine))
         return 0
+    shown = file.in_units(result)
     with waiting("computing the statistics"):
         outputs = nominal_outputs(file, result, nominal)
-        tables = dispersion_report(result, outputs)
+        tables = dispersion_report(shown, outputs)
     print(tables)
     methods = file.compare if compare is None else compare
     if methods:
         with waiting("computing the moments with the other methods"), warnings_as_lines():
             table = compare_methods(campaign, result, methods, accuracy=file.accuracy)
         print(f"\ncomparison of methods with these runs\n{comparison_table(table)}\n")
-    written = keep_pictures(result, file.title, outputs, os.path.splitext(store)[0], site=file.site)
+    written = keep_pictures(shown, file.title, outputs, os.path.splitext(store)[0], site=file.site)
     print(_times(result, time.perf_counter() - began))
     print(f"store  {store}")
     runs_that_decide = _runs_that_decide(result, how.get("until"), campaign.design)
@@ -227,7 +238,12 @@ def _runs_that_decide(
     verdict requires it, or the campaign cannot be extended."""
     needed = [verdict.runs_needed for verdict in result.verdicts.values()]
     most = max((runs for runs in needed if runs is not None), default=None)
-    if most is None or until is not None or isinstance(design, LatinHypercube):
+    if (
+        most is None
+        or "sweep" in result.attributes
+        or until is not None
+        or isinstance(design, LatinHypercube)
+    ):
         return None
     # Sobol points are evenly distributed for powers of two only.
     return 1 << (most - 1).bit_length() if isinstance(design, Sobol) else most
@@ -301,7 +317,7 @@ def replay(
     runs = dispersion.attributes["planned_runs"]
     accuracy = accuracy_of(file, dispersion)
     with waiting(f"simulating run {run}"):
-        result = file.campaign(warn=False, runs=runs).replay(
+        result = file.campaign(warn=False, runs=runs // dispersion.rows).replay(
             run, seed=dispersion.seed, accuracy=accuracy, num_saved=samples, runs=runs
         )
     print(replay_report(file, result, dispersion))

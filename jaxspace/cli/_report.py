@@ -40,7 +40,7 @@ def keep_pictures(
     anyway. Returns the largest exit status of them."""
     import matplotlib
 
-    from ..plots import dispersion_figure, dispersion_page, footprint_figure
+    from ..plots import dispersion_figure, dispersion_page, footprint_figure, sweep_figure
 
     if not result.good.any():
         return 0
@@ -56,11 +56,22 @@ def keep_pictures(
     def page(path: str) -> None:
         dispersion_page(result, path, title=title, nominal=values, paths=paths, wind=wind)
 
+    def sweep(path: str) -> None:
+        sweep_figure(result, title=title).savefig(path, dpi=150)
+
+    def violated(path: str) -> None:
+        sweep_figure(result, take="violated", title=title).savefig(path, dpi=150)
+
     def landings(path: str) -> None:
         there = (values["east"], values["north"]) if {"east", "north"} <= set(values) else None
         footprint_figure(result, wind=wind, title=title, nominal=there).savefig(path, dpi=150)
 
     statuses = [attempt("figure", f"{start}.png", figure)]
+    if "sweep" in result.attributes:
+        statuses.append(attempt("figure", f"{start}_sweep.png", sweep))
+        if result.requirements:
+            statuses.append(attempt("figure", f"{start}_violations.png", violated))
+        statuses.append(attempt("table", f"{start}_sweep.csv", result.by_row().to_csv))
     if result.footprint() is not None:
         statuses.append(attempt("figure", f"{start}_landings.png", landings))
     return max(*statuses, attempt("page", f"{start}.html", page))
@@ -106,7 +117,7 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
         nominal = nominal_outputs(file, result, run)
         some = np.arange(min(PATHS, result.runs))
         # A hypercube is made for the runs that were planned, also where there are fewer.
-        planned = int(result.attributes.get("planned_runs", result.runs))
+        planned = int(result.attributes.get("planned_runs", result.runs)) // result.rows
         campaign = file.campaign(run, warn=False, runs=planned)
         if campaign.text() == result.attributes.get("inputs"):
             with waiting("simulating the runs whose trajectories are drawn"):
@@ -117,10 +128,11 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
                 "No trajectories: the inputs of these runs were defined in Python.", file=sys.stderr
             )
     with waiting("computing the statistics"):
-        tables = dispersion_report(result, nominal)
+        shown = result if file is None else file.in_units(result)
+        tables = dispersion_report(shown, nominal)
     print(tables)
     start = os.path.join(folder, name)
-    statuses = [keep_pictures(result, title, nominal, start, paths, site)]
+    statuses = [keep_pictures(shown, title, nominal, start, paths, site)]
     statuses.append(attempt("table", f"{start}.csv", result.to_csv))
     # Parquet needs an extra; the table in CSV is there in any case.
     if importlib.util.find_spec("pyarrow") is not None:

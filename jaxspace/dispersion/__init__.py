@@ -21,9 +21,11 @@ from ..sampling import MultivariateNormal as MultivariateNormal
 from ..sampling import Normal as Normal
 from ..sampling import Samples as Samples
 from ..sampling import Sobol as Sobol
+from ..sampling import Sweep as Sweep
 from ..sampling import Triangular as Triangular
 from ..sampling import TruncatedNormal as TruncatedNormal
 from ..sampling import Uniform as Uniform
+from ..sampling import grid as grid
 from ..statistics import Dispersion as Dispersion
 from ..statistics import Footprint as Footprint
 from ..statistics import StopRule as StopRule

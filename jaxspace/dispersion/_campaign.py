@@ -1,5 +1,6 @@
 """A campaign: maps random inputs to a mission, and its result to outputs."""
 
+import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar, final
 
@@ -17,8 +18,9 @@ from ..core.types import as_float
 from ..core.user_functions import user_function
 from ..integration.accuracy import Accuracy
 from ..sampling.designs import AbstractDesign, draw
-from ..sampling.distributions import AbstractDistribution
+from ..sampling.distributions import AbstractDistribution, Constant
 from ..sampling.joint import AbstractJoint
+from ..sampling.sweeps import Sweep
 from ..simulation import Mission
 from ..statistics.requirements import requirement_of
 from ..stores.results import RunResults
@@ -86,6 +88,7 @@ class Campaign(AbstractCampaign):
       campaign uses, by name: workers run them, and the record has them with their hashes.
     - `accuracy`: the default of the relative tolerance of each step, an `Accuracy`, or "by purpose"
       (`ByPurpose`); a campaign of a scene file has that of the file.
+    - `sweep`: explicit values of some inputs, which replace their draws (`at`).
 
     `build` and `outputs` are traced once; as modules they may contain arrays. Raises `InputError`
     for an input that is not a distribution or has a reserved name, for empty inputs, and for fewer
@@ -108,6 +111,7 @@ class Campaign(AbstractCampaign):
     files: tuple[tuple[str, str], ...] = eqx.field(static=True, converter=_as_pairs, default=())
     accuracy: Accuracy | ByPurpose | None = eqx.field(converter=_as_optional_accuracy, default=None)
     modules: tuple[tuple[str, str], ...] = eqx.field(static=True, converter=_as_pairs, default=())
+    sweep: Sweep | None = None
 
     def __check_init__(self):
         if not self.inputs:
@@ -159,7 +163,58 @@ class Campaign(AbstractCampaign):
 
         **Returns** the inputs by name, (runs,).
         """
-        return draw(self.inputs, self.design, key, numbers)
+        if self.sweep is None:
+            return draw(self.inputs, self.design, key, numbers)
+        drawn = draw(self.inputs, self.design, key, numbers // self.sweep.rows)
+        return drawn | self.sweep.values(numbers)
+
+    def at(self, rows: Mapping[str, ArrayLike]) -> "Campaign":
+        """The campaign at explicit values of some inputs, with the other inputs dispersed.
+
+        `disperse(campaign.at(rows), 1000)` computes 1000 runs in each row, which differ in the
+        other inputs only; all rows share these draws. Where no other input is random, it computes
+        one run in each row. Run i belongs to the row i mod r of r rows.
+
+        **Arguments**
+
+        - `rows`: the values of each swept input, (rows,), by its name; `grid` makes the rows of
+          all combinations.
+
+        **Returns** the campaign, in which these inputs are constant except for the sweep.
+
+        **Raises** `InputError` for a name that is not an input, for columns of different lengths,
+        and for values that are not finite."""
+        sweep = Sweep(dict(rows))
+        inputs = dict(self.inputs)
+        for name in sweep.columns:
+            if name not in inputs:
+                raise InputError(
+                    f"rows has the column {name!r}: it must be one of the inputs "
+                    f"{', '.join(inputs)}.{InputError.hint(name, inputs)}"
+                )
+            source = inputs[name].source
+            left = [n for n, d in inputs.items() if d.source == source and n not in sweep.columns]
+            if source and left:
+                raise InputError(
+                    f"rows has the column {name!r}, which is drawn together with "
+                    f"{', '.join(left)}: sweep all of them."
+                )
+        # The nominal run is that of the mean, as without the sweep.
+        inputs |= {name: Constant(inputs[name].mean) for name in sweep.columns}
+        return dataclasses.replace(self, inputs=inputs, sweep=sweep)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of the sweep; 1 without one."""
+        return 1 if self.sweep is None else self.sweep.rows
+
+    def total_runs(self, runs: int) -> int:
+        """The number of all runs for this number of them in each row of the sweep: the number
+        itself without a sweep, and one in each row where no input is random."""
+        if self.sweep is None:
+            return runs
+        random = any(not isinstance(d, Constant) for d in self.inputs.values())
+        return self.rows * (runs if random else 1)
 
     def mission(self, samples: dict[str, Float[Array, " *runs"]]) -> tuple[Mission, State]:
         """Build the mission and the initial state from the inputs of runs, each (runs,).
@@ -241,7 +296,18 @@ class Campaign(AbstractCampaign):
         # In the text, because another design makes another campaign.
         if self.design is not None:
             lines.append(f"design: {type(self.design).__name__}")
+        if self.sweep is not None:
+            lines.append(self.sweep.text())
         return "\n".join(lines)
+
+
+def check_no_sweep(campaign: Campaign, method: str) -> None:
+    """Raise `InputError` for a campaign with a sweep, whose rows the `method` would ignore."""
+    if campaign.sweep is not None:
+        raise InputError(
+            f"The campaign has a sweep, and {method} applies to one distribution of the inputs: "
+            "call it without Campaign.at, or [sweep] in its file."
+        )
 
 
 def in_order(campaign: Campaign, names: Iterable[str]) -> list[str]:

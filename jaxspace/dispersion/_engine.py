@@ -112,7 +112,7 @@ def disperse(
     **Arguments**
 
     - `campaign`: the mission, its random inputs and its outputs.
-    - `runs`: number of runs.
+    - `runs`: number of runs; of a campaign with a sweep (`Campaign.at`), of each row.
     - `method`: "monte_carlo"; or "lincov", "second_order" or "unscented", which compute a mean and
       a covariance without random runs (`moments`). Of the options below, these support `accuracy`
       only.
@@ -180,6 +180,9 @@ def disperse(
     check_whole("seed", seed)
     check_whole("samples", samples)
     started = time.perf_counter()
+    runs = campaign.total_runs(runs)
+    if until is not None and campaign.sweep is not None:
+        raise InputError("until is given, and a sweep has no common quantile of its rows: omit it.")
     asked = as_campaign_accuracy(campaign.accuracy if accuracy is None else accuracy)
     accuracy = _resolved(campaign.accuracy_for(asked))
     kept_states = _states_to_store(campaign, samples, times, store)

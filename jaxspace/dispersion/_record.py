@@ -61,6 +61,11 @@ def record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, objec
         **({"files": dict(campaign.files)} if campaign.files else {}),
         **({"modules": modules} if modules else {}),
         "inputs": campaign.text(),
+        **(
+            {"sweep": {"rows": campaign.rows, "inputs": list(campaign.sweep.columns)}}
+            if campaign.sweep is not None
+            else {}
+        ),
         "requirements": {
             name: requirement_of(limits).record for name, limits in campaign.requirements
         },

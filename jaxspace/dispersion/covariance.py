@@ -44,7 +44,7 @@ from ..sampling.designs import map_normals, normal_columns
 from ..sampling.distributions import AbstractDistribution
 from ..sampling.joint import Component
 from ..statistics.sample_check import warning_of
-from ._campaign import Campaign, in_order
+from ._campaign import Campaign, check_no_sweep, in_order
 from ._whole import check_whole
 from .evaluate import BLOCK, Evaluator, evaluate_traced
 
@@ -129,6 +129,7 @@ def moments(
     if method not in METHODS:
         raise InputError(f"method is {method!r}: it must be one of {', '.join(METHODS)}.")
     check_whole("check", check)
+    check_no_sweep(campaign, f"the method {method!r}")
     if 0 < check < FEWEST:
         raise InputError(f"check is {check}: it must be 0, or at least {FEWEST}.")
     accuracy = campaign.accuracy_for(accuracy)

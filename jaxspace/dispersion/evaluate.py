@@ -19,7 +19,7 @@ from ..integration.accuracy import Accuracy
 from ..sampling.designs import AbstractDesign, Sobol, map_normals, normal_columns
 from ..simulation.blocks import jit_wide_vectors
 from ..simulation.failures import nan_where_failed
-from ._campaign import Campaign
+from ._campaign import Campaign, check_no_sweep
 from ._exact_parts import for_turns
 from ._outputs import outputs_of
 from ._runs import nominal_unless, run_inputs
@@ -69,6 +69,7 @@ def fixed_normals(campaign: Campaign, runs: int, seed: int) -> Float[Array, "run
     Raises `InputError` for numbers that are not whole."""
     check_whole("runs", runs, 1)
     check_whole("seed", seed)
+    check_no_sweep(campaign, "a fixed set of runs")
     design = Sobol() if campaign.design is None else campaign.design
     dimensions = sum(map(len, normal_columns(campaign.inputs).values()))
     return _normals(design, jax.random.key(seed), runs, dimensions)

@@ -30,7 +30,7 @@ from ..core.printing import printed
 from ..integration.accuracy import Accuracy
 from ..sampling.designs import map_normals, normal_columns, search_normals
 from ..statistics.limits import clopper_pearson
-from ._campaign import Campaign, in_order
+from ._campaign import Campaign, check_no_sweep, in_order
 from ._importance import importance
 from ._subset import subset
 from ._whole import check_whole
@@ -110,6 +110,7 @@ def rare_event(
         raise InputError(f"{'below' if above is None else 'above'} is {limit}: it must be finite.")
     check_whole("runs", runs, 2)
     check_whole("seed", seed, 0)
+    check_no_sweep(campaign, "rare_event")
     accuracy = campaign.accuracy_for(accuracy)
     _check_output(campaign, accuracy, output)
     margins = _Margins(campaign, accuracy, output, limit, sign)

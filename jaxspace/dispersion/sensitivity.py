@@ -22,7 +22,7 @@ from ..core.printing import printed
 from ..integration.accuracy import Accuracy
 from ..sampling.designs import check_sobol_dimensions, map_normals, normal_columns
 from ..statistics.sample_check import scatters
-from ._campaign import Campaign
+from ._campaign import Campaign, check_no_sweep
 from ._whole import check_whole
 from .evaluate import Evaluator
 
@@ -82,6 +82,7 @@ def sobol_indices(
     # Sobol points are balanced in powers of two alone.
     if points & (points - 1):
         raise InputError(f"points is {points}: it must be a power of two, 2 or more.")
+    check_no_sweep(campaign, "sobol_indices")
     columns = normal_columns(campaign.inputs)
     d = sum(len(group) for group in columns.values())
     check_sobol_dimensions(2 * d)

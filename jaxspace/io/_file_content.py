@@ -8,6 +8,7 @@ from ..core.listed import no_method
 from ..statistics import StopRule
 from ._kinds.kind import Values
 from ._kinds.named_files import NamedFile, NamedFiles
+from ._mission.control import is_noisy
 from ._mission.parsed import Parsed
 from ._requests.inputs import Input
 from ._requests.joint_inputs import MadeInput
@@ -24,6 +25,7 @@ class FileContent:
     - `parsed`: its values in SI.
     - `inputs`: the distribution of every dispersed number.
     - `outputs`: those of each run of a campaign.
+    - `sweep`: the values of the numbers in [sweep], SI, by path; empty without it.
     - `units`: those in which the file gives its numbers.
     - `task`: the content of [optimize], or `None`.
     - `files`: the files that it names.
@@ -39,6 +41,7 @@ class FileContent:
     task: Task | None = dataclasses.field(default=None, compare=False)
     files: NamedFiles = dataclasses.field(default_factory=lambda: NamedFiles(Path()), compare=False)
     modules: tuple[NamedFile, ...] = dataclasses.field(default=(), compare=False)
+    sweep: dict[str, tuple[float, ...]] = dataclasses.field(default_factory=dict, compare=False)
 
     @property
     def kind(self) -> str:
@@ -72,8 +75,20 @@ class FileContent:
 
     @property
     def runs(self) -> int:
-        """Number of runs of [dispersion]. Raises `InputError` without it."""
-        return self.dispersion["runs"]
+        """Number of runs of [dispersion], with [sweep] of each row: one where no input is random.
+        Raises `InputError` without [dispersion]."""
+        return 1 if self.sweeps_only else self.dispersion["runs"]
+
+    @property
+    def sweeps_only(self) -> bool:
+        """Whether the runs differ in the numbers of [sweep] only."""
+        swept = bool(self.sweep) and set(self.inputs) == set(self.sweep)
+        return swept and not is_noisy(self.values)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of [sweep]; 1 without it."""
+        return len(next(iter(self.sweep.values()), (None,)))
 
     @property
     def seed(self) -> int:

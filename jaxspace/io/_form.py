@@ -7,9 +7,9 @@
                [branch.*]                                           and parts that leave after one
     flight     [vehicle], [site], [waiting]                         a rocket from rail to ground
 
-Every kind may have [dispersion], [optimize], `format`, `title` and how to integrate: `accuracy` or
-`final_error`, `method`, `max_step`, `max_steps`. The entries of each table are defined in the
-module of this table, in `_mission` or `_requests`.
+Every kind may have [dispersion], [sweep], [optimize], `format`, `title` and how to integrate:
+`accuracy` or `final_error`, `method`, `max_step`, `max_steps`. The entries of each table are
+defined in the module of this table, in `_mission` or `_requests`.
 """
 
 from collections.abc import Mapping
@@ -29,6 +29,7 @@ from ._requests.accuracy import accuracy_entries
 from ._requests.dispersion import dispersion_table
 from ._requests.optimize_table import optimize_table
 from ._requests.output_entries import OutputList
+from ._requests.sweep import sweep_table
 
 KINDS = ("system", "scene", "mission", "flight")
 FORMAT = 1
@@ -113,5 +114,6 @@ def _campaign_entries() -> dict[str, Entry]:
     search = optimize_table(OutputList(), TOLERANCE)
     return {
         "dispersion": Entry(dispersion_table(), None, doc="dispersed inputs and recorded outputs"),
+        "sweep": Entry(sweep_table(), None, doc="numbers of the file at explicit values"),
         "optimize": Entry(search, None, doc="objective, constraints and design variables"),
     }

@@ -21,11 +21,8 @@ from ._mission.checks import mission_errors
 from ._mission.effect_tables import named_effects, with_empty_tables
 from ._mission.parsed import Parsed
 from ._requests.accuracy import accuracy_errors
-from ._requests.dispersion import read_dispersion
-from ._requests.inputs import Input
-from ._requests.joint_inputs import MadeInput
+from ._requests.dispersion import Requested, read_dispersion
 from ._requests.optimize_table import Task, dispersed_and_free, read_task
-from ._requests.output_spec import OutputSpec
 from ._scene_file import SceneFile
 from ._text import read_toml
 from .by_numpy import by_numpy
@@ -84,8 +81,9 @@ def load(
         path=Path(path),
         text=text,
         parsed=file,
-        inputs=requests.inputs,
-        outputs=requests.outputs,
+        inputs=requests.campaign.inputs,
+        outputs=requests.campaign.outputs,
+        sweep=requests.campaign.sweep,
         units=reading.units,
         task=requests.task,
         files=named,
@@ -96,8 +94,7 @@ def load(
 class _Requests(NamedTuple):
     """The requests of a file for its runs, as a `FileContent`."""
 
-    inputs: dict[str, Input | MadeInput]
-    outputs: tuple[OutputSpec, ...]
+    campaign: Requested
     task: Task | None
 
 
@@ -113,13 +110,13 @@ def _read_requests(
         errors = system_errors(file)
     if errors:
         return None, errors
-    inputs, outputs, errors = read_dispersion(file, reading)
+    found, errors = read_dispersion(file, reading)
     if errors or file.values["optimize"] is None:
-        return None if errors else _Requests(inputs, outputs, None), errors
+        return None if errors else _Requests(found, None), errors
     task, errors = read_task(file, reading.units)
     if task is not None and not errors:
-        errors = dispersed_and_free(task, inputs)
-    return None if errors else _Requests(inputs, outputs, task), errors
+        errors = dispersed_and_free(task, found.inputs)
+    return None if errors else _Requests(found, task), errors
 
 
 def stored_scene(

@@ -32,6 +32,7 @@ from ..simulation import (
 from ..simulation.dispatch import simulate_any
 from ..simulation.legs import legs_of
 from ..simulation.mission_result import Simulated
+from ..statistics import Dispersion
 from ..vehicles import LaunchSite
 from ._file_content import FileContent
 from ._kinds.named_files import NamedFiles
@@ -44,6 +45,7 @@ from ._requests.inputs import with_distributions
 from ._requests.output_entries import applicable_outputs, unit_of
 from ._requests.output_spec import INITIAL, NOMINAL, OutputSpec, needs
 from ._runs.campaign import NOISE, campaign_of, design_of, warnings_of
+from ._runs.file_units import in_file_units
 from ._runs.nominal import (
     FinalOutput,
     function_of,
@@ -238,7 +240,7 @@ class SceneFile(FileContent):
         warn: bool = True,
         runs: int | None = None,
     ) -> Campaign:
-        """The campaign of [dispersion], for `disperse`.
+        """The campaign of [dispersion] and [sweep], for `disperse`.
 
         **Arguments**
 
@@ -250,7 +252,8 @@ class SceneFile(FileContent):
         - `outputs`: a function of a `MissionTrajectory` and the inputs that returns additional
           outputs, each (runs,), by name, like `Campaign.outputs`.
         - `warn`: whether to issue the warnings of the file (`SceneFile.warnings`).
-        - `runs`: number of runs for a Latin hypercube, if not that of the file.
+        - `runs`: number of runs for a Latin hypercube, of each row of [sweep], if not that of the
+          file.
 
         **Raises** `InputError` without [dispersion], and for inputs that the file does not have."""
         # Raises without [dispersion], before the nominal run is simulated in vain.
@@ -266,9 +269,19 @@ class SceneFile(FileContent):
         own = self._outputs_of(self.outputs, reference)
         every = own if outputs is None else MoreOutputs(own, outputs)
         design = design_of(asked["sampling"], self.runs if runs is None else runs)
-        return campaign_of(
+        campaign = campaign_of(
             self, scatters, every, design, self._states_read, files.texts, self.campaign_accuracy
         )
+        return campaign.at(self.sweep) if self.sweep else campaign
+
+    def in_units(self, result: Dispersion) -> Dispersion:
+        """The dispersion with its inputs in the units in which the file writes them, instead of
+        SI; outputs have the units of the file already.
+
+        **Arguments**
+
+        - `result`: of the campaign of this file."""
+        return in_file_units(self, result)
 
     @property
     def _states_read(self) -> int:

@@ -15,6 +15,7 @@ from ._modes_figure import root_locus_figure as root_locus_figure
 from ._porkchop_figure import porkchop_figure as porkchop_figure
 from ._study_figures import accuracy_cost_figure as accuracy_cost_figure
 from ._study_figures import effect_budget_figure as effect_budget_figure
+from ._sweep_figure import sweep_figure as sweep_figure
 from ._trajectory_figure import trajectory_figure as trajectory_figure
 from ._view_page import show_run as show_run
 from ._view_page import view_page as view_page

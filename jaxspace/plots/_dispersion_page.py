@@ -2,6 +2,7 @@
 
 import base64
 import gzip
+import io
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -18,6 +19,7 @@ from ..core.text import in_words
 from ._dispersion_figure import heading
 from ._page_data import page_data, processor_words
 from ._page_script import page_script
+from ._sweep_figure import sweep_figure
 
 if TYPE_CHECKING:
     from ..dispersion import RunPaths
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from ..statistics.table import Row
 
 HERE = Path(__file__).parent
+MOST_ROWS = 200
+"""Rows of a sweep that the page lists."""
 EXAMPLES = 5
 """Numbers of failed runs that are named for each cause."""
 ELLIPSE = "The ellipse belongs to a normal distribution with the same covariance."
@@ -67,6 +71,7 @@ def dispersion_page(
         f"<h1>{escape(title)}</h1>",
         f'<p class="note">{escape(heading(dispersion))}.</p>',
         _card(dispersion),
+        *_sweep(dispersion),
         _section("Outputs", _table(dispersion, nominal)),
         *_landings(dispersion, data),
         *_plots(dispersion, data),
@@ -211,6 +216,23 @@ def _numbers(dispersion: "Dispersion", row: "Row", nominal: Mapping[str, float])
     ends = ((row.min, row.min_run), (row.max, row.max_run))
     shown.append(" … ".join(f"{row.shown(x)} (run\u00a0{run})" for x, run in ends))
     return [nominal_value, row.shown(row.mean), row.shown(row.std), *shown]
+
+
+def _sweep(dispersion: "Dispersion") -> list[str]:
+    """The section of a sweep: its figure and its table."""
+    if "sweep" not in dispersion.attributes:
+        return []
+    head, *rows = dispersion.by_row().table
+    lines = [_cells(list(head), "th", 0), *(_cells(list(row), text=0) for row in rows[:MOST_ROWS])]
+    more = len(rows) - MOST_ROWS
+    note = f'<p class="note">The table has {more} more rows.</p>' if more > 0 else ""
+    picture = io.BytesIO()
+    sweep_figure(dispersion).savefig(picture, format="png", dpi=110)
+    image = base64.b64encode(picture.getvalue()).decode()
+    table = '<div class="wide"><table>' + "\n".join(lines) + "</table></div>"
+    drawn = f'<img style="max-width:100%" alt="sweep" src="data:image/png;base64,{image}">'
+    text = "The sections below are about the runs of all rows together."
+    return [_section("Sweep", drawn, table, note, f'<p class="note">{text}</p>')]
 
 
 def _plots(dispersion: "Dispersion", data: Record) -> list[str]:

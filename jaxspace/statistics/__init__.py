@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from . import purpose as purpose
     from . import requirements as requirements
     from . import spread as spread
+    from . import sweeps as sweeps
     from . import table as table
 else:
     __getattr__, __dir__ = _modules_of(__name__)

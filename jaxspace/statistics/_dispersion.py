@@ -27,6 +27,7 @@ from .limits import Percentile, Probability, clopper_pearson, percentile
 from .purpose import Purpose
 from .requirements import Requirement, Verdict, extreme_place, requirement_of, verdict_of
 from .spread import Convergence, Ellipsoid, StopRule, convergence, ellipsoid
+from .sweeps import SweepTable, sweep_table
 from .table import Row, row_of
 
 if TYPE_CHECKING:
@@ -194,6 +195,28 @@ class Dispersion(HashedModule):
             attributes={name: x for name, x in self.attributes.items() if name not in whole},
             numbers=self.run_numbers[mask],
         )
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of the sweep of the campaign; 1 without one."""
+        return int(self.attributes.get("sweep", {"rows": 1})["rows"])
+
+    def by_row(self) -> SweepTable:
+        """The statistics of each row of the sweep. Raises `InputError` for a campaign without
+        one."""
+        return sweep_table(self)
+
+    def row(self, number: int) -> "Dispersion":
+        """The runs in one row of the sweep, as `where` has them.
+
+        **Arguments**
+
+        - `number`: of the row, from 0.
+
+        **Raises** `InputError` for other numbers, and if no run of the row is there."""
+        if not 0 <= number < self.rows:
+            raise InputError(f"number is {number}: it must be from 0 to {self.rows - 1}.")
+        return self.where(self.run_numbers % self.rows == number)
 
     def __repr__(self) -> str:
         good = int(np.count_nonzero(self.good))

@@ -155,7 +155,8 @@ def compare(
 
     - `before`, `after`: the results of both; outputs are compared in the units of `before`.
     - `paired`: whether runs of the same number belong together. By default they do if both
-      campaigns have the same seed, and therefore used the same random numbers. The difference of a
+      campaigns have the same seed and as many rows of a sweep, and therefore used the same random
+      numbers. The difference of a
       pair needs both runs to have succeeded with a finite output; otherwise the pair is left out.
     - `confidence`: of the intervals.
 
@@ -163,7 +164,8 @@ def compare(
     common, and if no run number is in both although paired runs are requested."""
     check_share("confidence", confidence)
     if paired is None:
-        paired = before.seed == after.seed
+        # Runs of the same number have other draws where a sweep has another number of rows.
+        paired = before.seed == after.seed and before.rows == after.rows
     common = [name for name in before.outputs if name in after.outputs]
     factors = {
         name: factor_between(after.units.get(name, ""), before.units.get(name, ""))

@@ -72,6 +72,10 @@ def _is_purpose(x: object) -> bool:
     return isinstance(x, dict) and all(map(is_number, x.values())) and bool(Purpose(**x))
 
 
+def _is_sweep(x: object) -> bool:
+    return isinstance(x, dict) and is_whole(x["rows"], 1) and _each(is_text)(x["inputs"])
+
+
 REQUIRED: dict[str, Check] = {
     "seed": is_whole,
     "planned_runs": lambda x: is_whole(x, 1),
@@ -86,6 +90,7 @@ OPTIONAL: dict[str, Check] = {
     "rtol": is_number,
     "storing_seconds": is_duration,
     "requirements": _named(_is_requirement),
+    "sweep": _is_sweep,
     "by_purpose": _is_purpose,
     "numerical_errors": _named(is_number),
     "nominal": _named(is_number),
@@ -110,7 +115,7 @@ def attributes_fault(attributes: object) -> str:
         try:
             good = check(attributes[name])
         # The classes of the library reject invalid arguments.
-        except (ValueError, TypeError):
+        except (ValueError, TypeError, KeyError):
             good = False
         if not good:
             return f"has a {name} that no campaign writes"

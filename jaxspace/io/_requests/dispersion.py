@@ -4,6 +4,8 @@ ends the campaign.
 The entries of its outputs and inputs are read after the rest of the file, whose names and numbers
 they refer to."""
 
+from typing import NamedTuple
+
 from ...core import argument
 from ...dispersion.covariance import METHODS
 from .._kinds.errors import unknown
@@ -12,7 +14,7 @@ from .._kinds.tables import AnyTable, Table
 from .._kinds.values import ListOf, Number, OneName, Text, Whole
 from .._mission.control import scatter_errors
 from .._mission.parsed import Parsed
-from .inputs import Input, read_inputs
+from .inputs import Input, read_columns, read_inputs
 from .joint_inputs import MadeInput
 from .output_entries import OutputList, read_outputs
 from .output_spec import OutputSpec
@@ -57,21 +59,31 @@ def dispersion_table() -> Table:
     )
 
 
-def read_dispersion(
-    file: Parsed, reading: Reading
-) -> tuple[dict[str, Input | MadeInput], tuple[OutputSpec, ...], list[str]]:
-    """The inputs by path, the outputs, and the errors of the table; nothing without it.
+class Requested(NamedTuple):
+    """The `inputs` and the columns of the `sweep`, SI, by path, and the `outputs`."""
+
+    inputs: dict[str, Input | MadeInput]
+    sweep: dict[str, tuple[float, ...]]
+    outputs: tuple[OutputSpec, ...]
+
+
+def read_dispersion(file: Parsed, reading: Reading) -> tuple[Requested, list[str]]:
+    """The inputs and outputs of [dispersion], the sweep, and their errors; nothing without them.
 
     `reading`: that of the file, with its units and the files that it names."""
+    sweep, errors = read_columns(file)
     if file.values["dispersion"] is None:
-        return {}, (), []
-    outputs, errors = read_outputs(file, reading.units)
-    inputs, more = read_inputs(file, reading.files)
+        return Requested({}, {}, ()), errors
+    outputs, more = read_outputs(file, reading.units)
+    errors += more
+    inputs, more = read_inputs(file, reading.files, sweep)
     # A misspelt output would make the rule wrong, too.
     if not errors:
         more += _until_errors(file.values["dispersion"]["until"], outputs)
     # All at once: outputs and inputs do not depend on each other.
-    return inputs, outputs, errors + more + scatter_errors(file, inputs)
+    dispersed = [path for path in inputs if path not in sweep]
+    found = Requested(inputs, sweep, outputs)
+    return found, errors + more + scatter_errors(file, dispersed)
 
 
 def _until_errors(until: Values | None, outputs: tuple[OutputSpec, ...]) -> list[str]:

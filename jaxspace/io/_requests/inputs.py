@@ -20,6 +20,7 @@ from .._mission.control import scatter_errors
 from .._mission.parsed import Parsed
 from ..units import expected, in_unit, read_number, split
 from .joint_inputs import MadeInput, read_correlated, read_direction
+from .sweep import read_sweep, swept_inputs
 
 DEFAULT = "normal"
 # One rejected run in a thousand changes no statistic; more are worth a warning.
@@ -64,8 +65,19 @@ class Input(NamedTuple):
         return result
 
 
-def read_inputs(file: Parsed, files: NamedFiles) -> tuple[dict[str, Input | MadeInput], list[str]]:
-    """The inputs and their distributions, or errors. `files`: those of values."""
+def read_columns(file: Parsed) -> tuple[dict[str, tuple[float, ...]], list[str]]:
+    """The columns of the sweep by path, SI; and errors."""
+    columns, errors = read_sweep(file, _numbers(file), lambda key, x: _unknown_path(key, x, file))
+    lines = (line.removeprefix("dispersion.inputs.") for line in scatter_errors(file, columns))
+    return columns, errors + [f"sweep: {line}" for line in lines]
+
+
+def read_inputs(
+    file: Parsed, files: NamedFiles, swept: Iterable[str] = ()
+) -> tuple[dict[str, Input | MadeInput], list[str]]:
+    """The inputs and their distributions, or errors.
+
+    `files`: those of values; `swept`: the paths of the sweep, which are inputs, too."""
     numbers = _numbers(file)
     result: dict[str, Input | MadeInput] = {}
     errors = []
@@ -85,6 +97,13 @@ def read_inputs(file: Parsed, files: NamedFiles) -> tuple[dict[str, Input | Made
                 result |= read(f"dispersion.{table}.{k}", entry, numbers, result)
             except ValueError as error:
                 errors.append(str(error))
+    of_sweep = swept_inputs(swept, numbers)
+    errors += [
+        f"sweep: {path} is also dispersed in dispersion.inputs: give it only once."
+        for path in of_sweep
+        if path in result
+    ]
+    result = {**of_sweep, **result}
     # A campaign without inputs would repeat the nominal run.
     if not result and not errors:
         errors.append(

@@ -18,7 +18,11 @@ def dispersion_report(
 ) -> str:
     """The outputs of a campaign: a table with their `nominal` values, their extremes, the violation
     rates of the requirements, the landing ellipses if any, the `count` main contributors to the
-    variance of each output, and the final statuses of the runs."""
+    variance of each output, and the final statuses of the runs. For a sweep, the table of its rows,
+    the extremes and the final statuses."""
+    if "sweep" in result.attributes:
+        parts = [repr(result.by_row()), f"\nextremes and their runs\n{extreme_table(result)}"]
+        return "\n".join([*parts, "", status_lines(result)])
     lines = [dispersion_table(result, nominal)]
     extremes = extreme_table(result)
     if extremes:
