@@ -79,6 +79,14 @@ def diff(given: argparse.Namespace) -> int:
     return _diff.diff(given.before, given.after, given.out)
 
 
+def reweight(given: argparse.Namespace) -> int:
+    """Print the statistics of a stored campaign with other distributions of its inputs."""
+    from . import _reweight
+
+    settle(once=True)
+    return _reweight.reweight(given.file, given.changes, given.modules)
+
+
 def write_map(given: argparse.Namespace) -> int:
     """Write the landings of a stored campaign as KML and GeoJSON."""
     from . import _map

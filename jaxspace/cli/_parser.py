@@ -19,6 +19,11 @@ COMMANDS: tuple[tuple[str, Callable[[argparse.Namespace], int], str], ...] = (
     ("failures", actions.failures, "list the failed runs of a store with their causes"),
     ("report", actions.report, "write the report page and tables of a stored campaign"),
     ("diff", actions.diff, "compare two stored campaigns: settings, outputs, verdicts"),
+    (
+        "reweight",
+        actions.reweight,
+        "estimate the effect of other input distributions from the runs of a store",
+    ),
     ("map", actions.write_map, "write the landings of a stored campaign as KML and GeoJSON"),
     (
         "explain",
@@ -34,7 +39,7 @@ COMMANDS: tuple[tuple[str, Callable[[argparse.Namespace], int], str], ...] = (
     ("verify", actions.verify, "run the singularity and edge-case checks on this machine"),
 )
 WITH_MODULES = (
-    *("run", "disperse", "resume", "replay", "failures", "report", "map"),
+    *("run", "disperse", "resume", "replay", "failures", "report", "reweight", "map"),
     *("explain", "cost", "budget", "optimize", "list", "schema"),
 )
 # Not from the package of campaigns, whose import takes time.
@@ -62,6 +67,7 @@ def parser() -> argparse.ArgumentParser:
     _replay_options(commands["replay"])
     _failures_options(commands["failures"])
     _report_options(commands["report"])
+    _reweight_options(commands["reweight"])
     _map_options(commands["map"])
     _diff_options(commands["diff"])
     _cost_options(commands["cost"])
@@ -151,6 +157,17 @@ def _diff_options(diff: argparse.ArgumentParser) -> None:
     diff.add_argument("before", metavar="STORE", help="the Zarr store of a campaign")
     diff.add_argument("after", metavar="OTHER", help="the store that is compared with it")
     diff.add_argument("--out", default="out", metavar="DIR", help="output directory (default: out)")
+
+
+def _reweight_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("file", metavar="STORE", help="Zarr store of a campaign")
+    command.add_argument(
+        "changes",
+        metavar="INPUT.KEY=VALUE",
+        nargs="+",
+        help="a changed key of the table of an input in [dispersion.inputs], such as "
+        '"initial.orbit.periapsis_altitude.deviation=2.5 km" or "body.mass.mean=51 kg"',
+    )
 
 
 def _map_options(command: argparse.ArgumentParser) -> None:

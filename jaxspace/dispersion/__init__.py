@@ -37,6 +37,7 @@ from ._engine import disperse as disperse
 from ._run_paths import RunPaths as RunPaths
 from ._run_paths import run_paths as run_paths
 from .covariance import moments as moments
+from .reweighting import reweight as reweight
 
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from . import purpose as purpose
     from . import rare as rare
     from . import replay as replay
+    from . import reweighting as reweighting
     from . import sensitivity as sensitivity
 else:
     __getattr__, __dir__ = _modules_of(__name__)

@@ -18,7 +18,7 @@ from ..core.types import as_float
 from ..core.user_functions import user_function
 from ..integration.accuracy import Accuracy
 from ..sampling.designs import AbstractDesign, draw
-from ..sampling.distributions import AbstractDistribution, Constant
+from ..sampling.distributions import AbstractDistribution, Constant, fixed
 from ..sampling.joint import AbstractJoint
 from ..sampling.sweeps import Sweep
 from ..simulation import Mission
@@ -168,7 +168,7 @@ class Campaign(AbstractCampaign):
         drawn = draw(self.inputs, self.design, key, numbers // self.sweep.rows)
         return drawn | self.sweep.values(numbers)
 
-    def at(self, rows: Mapping[str, ArrayLike]) -> "Campaign":
+    def at(self, rows: Mapping[str, ArrayLike | Sequence[float]]) -> "Campaign":
         """The campaign at explicit values of some inputs, with the other inputs dispersed.
 
         `disperse(campaign.at(rows), 1000)` computes 1000 runs in each row, which differ in the
@@ -200,7 +200,7 @@ class Campaign(AbstractCampaign):
                     f"{', '.join(left)}: sweep all of them."
                 )
         # The nominal run is that of the mean, as without the sweep.
-        inputs |= {name: Constant(inputs[name].mean) for name in sweep.columns}
+        inputs |= {name: fixed(inputs[name].mean) for name in sweep.columns}
         return dataclasses.replace(self, inputs=inputs, sweep=sweep)
 
     @property

@@ -15,7 +15,7 @@ from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
 from ..core.jit import quick_jit
 from ..core.listed import Listed
-from ..dispersion import Campaign
+from ..dispersion import Campaign, reweight
 from ..dispersion.purpose import BY_PURPOSE, ByPurpose
 from ..integration.accuracy import DEFAULT_RTOL
 from ..optimization import Progress, StopReason
@@ -33,6 +33,7 @@ from ..simulation.dispatch import simulate_any
 from ..simulation.legs import legs_of
 from ..simulation.mission_result import Simulated
 from ..statistics import Dispersion
+from ..statistics.weighted import WeightedDispersion
 from ..vehicles import LaunchSite
 from ._file_content import FileContent
 from ._kinds.named_files import NamedFiles
@@ -41,7 +42,7 @@ from ._mission.building import Runs, replaced
 from ._mission.flight import SITE
 from ._requests.accuracy import steps_of
 from ._requests.final_error import requested_error, rounded_down, tolerance_of
-from ._requests.inputs import with_distributions
+from ._requests.inputs import changed_distributions, with_distributions
 from ._requests.output_entries import applicable_outputs, unit_of
 from ._requests.output_spec import INITIAL, NOMINAL, OutputSpec, needs
 from ._runs.campaign import NOISE, campaign_of, design_of, warnings_of
@@ -273,6 +274,26 @@ class SceneFile(FileContent):
             self, scatters, every, design, self._states_read, files.texts, self.campaign_accuracy
         )
         return campaign.at(self.sweep) if self.sweep else campaign
+
+    def reweight(
+        self, result: Dispersion, changes: Mapping[str, Mapping[str, object]]
+    ) -> WeightedDispersion:
+        """The statistics that the campaign of this file would have with other distributions of
+        some inputs, from its stored runs.
+
+        **Arguments**
+
+        - `result`: the runs of the campaign.
+        - `changes`: by the path of an input the changed keys of its table in [dispersion.inputs],
+          such as `{"deviation": "2 km"}`.
+
+        **Returns** a `WeightedDispersion`.
+
+        **Raises** `InputError` as `jaxspace.dispersion.reweight`, and for other inputs and keys."""
+        files = NamedFiles(self.files.folder, self.files.texts)
+        inputs = changed_distributions(changes, self.inputs, self.parsed, files)
+        planned = int(result.attributes.get("planned_runs", result.runs)) // result.rows
+        return reweight(result, self.campaign(warn=False, runs=planned), inputs)
 
     def in_units(self, result: Dispersion) -> Dispersion:
         """The dispersion with its inputs in the units in which the file writes them, instead of

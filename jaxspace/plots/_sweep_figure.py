@@ -171,8 +171,8 @@ def _numbers(axes: "Axes", x: np.ndarray, y: np.ndarray, values: np.ndarray) -> 
         # Dark cells have low values.
         bright = values[i, j] > 0.5 * (low + high)
         axes.text(
-            x[j],
-            y[i],
+            float(x[j]),
+            float(y[i]),
             f"{values[i, j]:.{min(digits, 6)}g}",
             ha="center",
             va="center",

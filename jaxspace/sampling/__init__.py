@@ -24,6 +24,7 @@ from .sweeps import grid as grid
 
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.
+    from . import densities as densities
     from . import distributions as distributions
     from . import sweeps as sweeps
 else:

@@ -6,8 +6,8 @@ density follows from the same function:
 
     p(x) = phi(z) / (dx/dz),   z = Phi^-1(F(x))
 
-Normal, uniform and lognormal distributions have it in closed form; of others z is found by
-bisection. A list of values has probabilities instead. Jointly normal numbers have
+The distributions of this package have it in closed form; of others z is found by bisection. A list
+of values has probabilities instead. Jointly normal numbers have
 
     ln p(x) = -|S^-1 (x - m)|^2/2 - ln |det S| - n ln(2 pi)/2
 
@@ -21,11 +21,14 @@ import math
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
 
 from ..core import InputError
+from ..core.jit import jit_quickly
 from ._correlated import Correlated, MultivariateNormal
-from ._more_distributions import Discrete, Lognormal, Samples
-from .distributions import AbstractDistribution, Constant, Normal, Uniform
+from ._more_distributions import Discrete, Lognormal, Samples, Triangular
+from .distributions import AbstractDistribution, Constant, Normal, TruncatedNormal, Uniform
 from .joint import AbstractJoint
 
 # Normal numbers of draws: a probability of 1e-19 beyond.
@@ -69,11 +72,26 @@ def log_density(distribution: AbstractDistribution | AbstractJoint, x: np.ndarra
             z = (np.log(np.maximum(x, 0.0) / m) + 0.5 * square) / math.sqrt(square)
             log = -0.5 * z**2 - np.log(x) - 0.5 * math.log(square) - LOG_ROOT_2_PI
             return np.where(x > 0.0, log, -np.inf)
+        if isinstance(distribution, TruncatedNormal):
+            inside = (float(distribution.low) <= x) & (x <= float(distribution.high))
+            mean, deviation = distribution.mean, distribution.deviation
+            whole = Normal(mean, deviation)
+            # The share that the cut leaves, by the tails beyond it.
+            share = 1.0 - whole.outside(float(distribution.low), float(distribution.high))
+            return np.where(inside, log_density(whole, x) - math.log(share), -np.inf)
+        if isinstance(distribution, Triangular):
+            a, c, b = (float(y) for y in (distribution.low, distribution.mode, distribution.high))
+            # A side of no width has no values.
+            left, right = (x - a) / max(c - a, 1e-300), (b - x) / max(b - c, 1e-300)
+            height = np.where(x < c, left, np.where(x > c, right, 1.0))
+            return np.where((a <= x) & (x <= b), np.log(2.0 * height / (b - a)), -np.inf)
     return _by_normals(distribution, x)[1]
 
 
 def normals_of(distribution: AbstractDistribution, x: np.ndarray) -> np.ndarray:
     """The standard normal numbers of which a continuous distribution makes the values, (runs,)."""
+    if isinstance(distribution, Normal):
+        return (x - float(distribution.mean)) / float(distribution.deviation)
     return _by_normals(distribution, x)[0]
 
 
@@ -85,24 +103,37 @@ def _check_spread(deviation: float) -> None:
 def _by_normals(distribution: AbstractDistribution, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The normal numbers of the values, and the logarithms of their densities, (runs,)."""
     x = np.asarray(x, float)
-
-    def value(z: jax.Array) -> jax.Array:
-        return jax.vmap(distribution.from_normal)(z)
-
-    low, high = np.full(x.shape, -FAR), np.full(x.shape, FAR)
-    first, last = (np.asarray(value(jnp.asarray(z))) for z in (low, high))
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        below = np.asarray(value(jnp.asarray(middle))) < x
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    z = 0.5 * (low + high)
-    _, slope = jax.jvp(value, (jnp.asarray(z),), (jnp.ones(x.shape),))
+    z, slope, first, last = (np.asarray(y) for y in _bisected(distribution, jnp.asarray(x)))
     with np.errstate(divide="ignore"):
-        log = -0.5 * z**2 - LOG_ROOT_2_PI - np.log(np.abs(np.asarray(slope)))
+        log = -0.5 * z**2 - LOG_ROOT_2_PI - np.log(np.abs(slope))
     # To rounding of the ends, which draws may have.
-    margin = 1e-12 * np.maximum(np.abs(first), np.abs(last))
+    margin = 1e-12 * max(abs(first), abs(last))
     outside = (x < first - margin) | (x > last + margin) | ~np.isfinite(log)
     return z, np.where(outside, -np.inf, log)
+
+
+@jit_quickly
+def _bisected(
+    distribution: AbstractDistribution, x: Float[Array, " runs"]
+) -> tuple[Float[Array, " runs"], Float[Array, " runs"], Float[Array, ""], Float[Array, ""]]:
+    """The normal numbers of the values, the slopes of the values there, and the values at both
+    ends."""
+
+    def value(z: Float[Array, " runs"]) -> Float[Array, " runs"]:
+        return jax.vmap(distribution.from_normal)(z)
+
+    def halve(_: ArrayLike, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        low, high = ends
+        middle = 0.5 * (low + high)
+        below = value(middle) < x
+        return jnp.where(below, middle, low), jnp.where(below, high, middle)
+
+    ends = jnp.full(x.shape, -FAR), jnp.full(x.shape, FAR)
+    low, high = jax.lax.fori_loop(0, HALVINGS, halve, ends)
+    z = 0.5 * (low + high)
+    _, slope = jax.jvp(value, (z,), (jnp.ones_like(z),))
+    first, last = (distribution.from_normal(jnp.asarray(end)) for end in (-FAR, FAR))
+    return z, slope, first, last
 
 
 def _listed(distribution: AbstractDistribution, x: np.ndarray) -> np.ndarray:

@@ -99,6 +99,12 @@ class AbstractDistribution(AbstractParameters):
         """A description of the distribution, for records."""
 
 
+def fixed(value: ArrayLike) -> "Constant":
+    """The constant value as a distribution."""
+    # The abstract fields of the base are properties here, and not arguments.
+    return Constant(value=value)  # pyright: ignore[reportCallIssue, reportArgumentType]
+
+
 def _normal_share(low: float, high: float) -> float:
     """The share of a standard normal distribution from `low` to `high`."""
     if low > 0.0:

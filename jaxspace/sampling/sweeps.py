@@ -24,7 +24,7 @@ from ..core.structure import HashedModule
 from ..core.types import as_float
 
 
-def _columns(columns: Mapping[str, ArrayLike]) -> dict[str, Array]:
+def _columns(columns: Mapping[str, ArrayLike | Sequence[float]]) -> dict[str, Array]:
     # An empty list has no type to convert.
     return {
         name: as_float(x) if np.size(x) else jnp.zeros(np.shape(x)) for name, x in columns.items()

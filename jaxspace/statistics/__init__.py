@@ -20,5 +20,6 @@ if TYPE_CHECKING:
     from . import spread as spread
     from . import sweeps as sweeps
     from . import table as table
+    from . import weighted as weighted
 else:
     __getattr__, __dir__ = _modules_of(__name__)

@@ -81,20 +81,21 @@ class Lock:
         """Take the lock together with other processes that share it. It has no owner.
 
         **Raises** as `acquire` does, if a process holds it that does not share it."""
-        handle, self.created = _open(self.path)
-        free = False
-        try:
-            owner = _owner(handle)
-            free = _lock(handle, shared=True)
-            if not free:
-                host = socket.gethostname()
-                raise StoreError(
-                    f"{self.path.parent} is in use{_named(owner)}{_advice(owner, host)}"
-                )
-            self.handle = handle
-        finally:
-            if not free:
-                os.close(handle)
+        while self.handle is None:
+            handle, self.created = _open(self.path)
+            try:
+                owner = _owner(handle)
+                if not _lock(handle, shared=True):
+                    host = socket.gethostname()
+                    raise StoreError(
+                        f"{self.path.parent} is in use{_named(owner)}{_advice(owner, host)}"
+                    )
+                # Another task may have removed it meanwhile, with a folder without runs.
+                if _is_at(handle, self.path):
+                    self.handle = handle
+            finally:
+                if self.handle is None:
+                    os.close(handle)
 
     def _wait(self, handle: int) -> Owner | None:
         """Lock the file, and return the owner that it names: one that is gone."""
@@ -139,13 +140,18 @@ class Lock:
 @contextlib.contextmanager
 def turn(folder: Path) -> Iterator[None]:
     """Wait until no other task is in this context for the same store."""
-    handle, _ = _open(folder / TURN)
-    try:
-        while not _lock(handle):
-            time.sleep(0.05)
-        yield
-    finally:
-        os.close(handle)
+    mine = False
+    while not mine:
+        handle, _ = _open(folder / TURN)
+        try:
+            while not _lock(handle):
+                time.sleep(0.05)
+            # The last task of a folder without runs removes the file.
+            mine = _is_at(handle, folder / TURN)
+            if mine:
+                yield
+        finally:
+            os.close(handle)
 
 
 def _open(path: Path) -> tuple[int, bool]:

@@ -6,6 +6,7 @@ What concerns the whole store, its creation and its completion, one of them does
 chunks of different parts are different files.
 """
 
+import contextlib
 import os
 from collections.abc import Mapping, Sequence
 
@@ -13,11 +14,11 @@ from ..core.record import Record
 from ._errors import StoreError
 from ._files import check_without_links
 from ._head import is_store
-from ._lock import Lock, turn
+from ._lock import NAME, TURN, Lock, turn
 from ._replacement import folder_of, tidy
 from .columns import Column
 from .store import Store
-from .writer import StoreWriter
+from .writer import ATTEMPTS, StoreWriter
 
 
 class PartWriter(StoreWriter):
@@ -38,17 +39,32 @@ class PartWriter(StoreWriter):
         self._part_lock = Lock(self.store.path, f".part-{part}-of-{parts}")
 
     def _lock(self) -> None:
-        self.store.path.mkdir(parents=True, exist_ok=True)
-        try:
-            self._part_lock.acquire()
-        except StoreError as error:
-            raise StoreError(f"Part {self.part} of {self.parts} of {error}") from None
+        for attempt in range(ATTEMPTS):
+            try:
+                self.store.path.mkdir(parents=True, exist_ok=True)
+                self._part_lock.acquire()
+                break
+            except StoreError as error:
+                raise StoreError(f"Part {self.part} of {self.parts} of {error}") from None
+            # Another task has just removed the folder, which was empty.
+            except FileNotFoundError:
+                if attempt == ATTEMPTS - 1:
+                    raise
         self.lock.share()
 
     def _leave(self) -> None:
         # The files of the other locks remain, because other tasks may wait for them.
+        held = self.lock.handle is not None
         self._part_lock.release(remove=True)
         self.lock.release()
+        path = self.store.path
+        # Unless no task has stored anything: then no folder remains.
+        if held and not is_store(folder_of(path)):
+            with contextlib.suppress(OSError), turn(path):
+                if {x.name for x in path.iterdir()} <= {NAME, TURN}:
+                    (path / NAME).unlink()
+                    (path / TURN).unlink()
+                    path.rmdir()
 
     def __exit__(self, *_: object) -> None:
         self._leave()

@@ -20,7 +20,7 @@ from ._errors import DamagedStore, StoreError
 from ._files import check_without_links, write_whole
 from ._head import COPY, HEAD, differs_in_runs, is_store, read_head, sealed
 from ._identity import difference, mark_of
-from ._lock import NAME, Lock, is_lock
+from ._lock import NAME, TURN, Lock, is_lock
 from ._replacement import (
     READY,
     STAGED,
@@ -121,7 +121,8 @@ class StoreWriter:
             return
         remove = only_lock = False
         try:
-            only_lock = {x.name for x in path.iterdir()} == {NAME}
+            # The second one is left by tasks that have stored nothing.
+            only_lock = {x.name for x in path.iterdir()} <= {NAME, TURN}
             remove = only_lock or self.lock.created and not is_store(folder_of(path))
         finally:
             with contextlib.suppress(OSError):
@@ -129,6 +130,7 @@ class StoreWriter:
         if only_lock and (self._own_folder or not self.lock.created):
             # Rejected by the system if another process has created it.
             with contextlib.suppress(OSError):
+                (path / TURN).unlink(missing_ok=True)
                 path.rmdir()
 
     def _check_content(self) -> None:

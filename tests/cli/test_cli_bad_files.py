@@ -63,7 +63,7 @@ WRONG = {
     "nothing": ("[initial]", "[other]"),
 }
 # Options that a command cannot do without.
-NEEDED = {"replay": ["--run", "0"]}
+NEEDED = {"replay": ["--run", "0"], "reweight": ["initial.position.0.deviation=1.0"]}
 # Commands without a file; `new`, whose file is one that it writes; and `diff`, which has two
 # (`test_cli_diff.py`).
 WITHOUT = {"examples", "new", "list", "schema", "programs", "verify", "diff"}

@@ -215,3 +215,26 @@ def test_the_script_of_the_manual_runs_on_slurm(tmp_path):
     texts = [(tmp_path / f"part_{k}.log").read_text() for k in range(1, 5)]
     assert sum("4000 of 4000 runs succeeded" in text for text in texts) == 1
     assert (tmp_path / "out" / "kick_stage.html").exists()
+
+
+def test_no_folder_remains_where_nothing_is_stored(tmp_path):
+    """A part that stops before its first chunk removes the files of its locks, and so does a
+    campaign that finds those of an earlier part."""
+    store = tmp_path / "none" / "parts.zarr"
+    with PartWriter(store, 1, 2):
+        with PartWriter(store, 2, 2):
+            pass
+        assert (store / ".lock").exists()
+    assert store.parent.exists() and not store.exists()
+    store.mkdir()
+    for name in (".lock", ".turn"):
+        (store / name).touch()
+    with StoreWriter(store):
+        pass
+    assert not store.exists()
+    # A folder with anything else is the user's.
+    store.mkdir()
+    (store / "letter.txt").write_text("dear")
+    with pytest.raises(StoreError, match="letter.txt"), PartWriter(store, 1, 2):
+        pass
+    assert {x.name for x in store.iterdir()} >= {"letter.txt"}

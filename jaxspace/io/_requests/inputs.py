@@ -147,6 +147,42 @@ def with_distributions(
     return result
 
 
+def changed_distributions(
+    changes: Mapping[str, Mapping[str, object]],
+    known: Mapping[str, Input | MadeInput],
+    file: Parsed,
+    files: NamedFiles,
+) -> dict[str, AbstractDistribution]:
+    """The distributions of inputs of the file with other values of some keys, by path.
+
+    `changes`: the keys as in [dispersion.inputs], by path. Raises `InputError`, with one line for
+    each error."""
+    keys = {"distribution", *FILE_KEYS, *_fields(file)}
+    written = dict(_entries(file.values["dispersion"]["inputs"], keys))
+    result, errors = {}, []
+    for path, entry in changes.items():
+        how = known.get(path)
+        if not isinstance(how, Input):
+            together = [p for p in known if isinstance(known[p], Input)]
+            errors.append(
+                f"{path} is drawn together with other numbers: change it in Python."
+                if how is not None and path not in written
+                else unknown(path, path, together, "input of this file")
+            )
+            continue
+        old = written[path]
+        assert isinstance(old, Mapping)
+        # The keys of another distribution would be unknown to it.
+        kept = {} if "distribution" in entry else dict(old)
+        try:
+            result[path] = _read(path, {**kept, **entry}, how.nominal, file, files).distribution()
+        except ValueError as error:
+            errors.append(str(error))
+    if errors:
+        raise InputError("\n".join(errors))
+    return result
+
+
 def _torn(
     path: str, known: Mapping[str, Input | MadeInput], given: Mapping[str, object]
 ) -> Iterator[str]:

@@ -6,12 +6,13 @@
 Keys are paths of numbers of the file, as in [dispersion.inputs]; values are a list, or in a grid a
 table with `from`, `to` and `count`. They are read after the rest of the file."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from ...sampling import Constant, grid
+from ...sampling import grid
+from ...sampling.distributions import fixed
 from .._kinds.errors import missing, unknown, wrong
 from .._kinds.kind import Entry, Value, Values
 from .._kinds.tables import AnyTable, Table
@@ -77,11 +78,9 @@ def read_sweep(
     return {path: tuple(x) for path, x in columns.items()}, []
 
 
-def swept_inputs(
-    columns: Mapping[str, object], numbers: Mapping[str, Measure]
-) -> dict[str, MadeInput]:
+def swept_inputs(paths: Iterable[str], numbers: Mapping[str, Measure]) -> dict[str, MadeInput]:
     """The swept numbers as inputs, whose nominal value is that of the file."""
-    return {path: MadeInput(numbers[path], Constant(float(numbers[path]))) for path in columns}
+    return {path: MadeInput(numbers[path], fixed(float(numbers[path]))) for path in paths}
 
 
 def _entries(tables: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Value]]:
@@ -97,7 +96,7 @@ def _entries(tables: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, V
 def _values(key: str, entry: Value, nominal: Measure) -> list[float]:
     """The values of a column, SI. Raises `ValueError` with the complete message."""
     if isinstance(entry, Mapping):
-        return _span(key, entry, nominal)
+        return _span(key, dict(entry), nominal)
     if not (isinstance(entry, list) and entry):
         what = "a list of one or more values, or a table with from, to and count"
         raise ValueError(wrong(key, entry, what))
