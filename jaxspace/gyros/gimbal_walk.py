@@ -68,10 +68,10 @@ class GimbalWalk(HashedModule):
 
     - `theta`, rad: theta_0, at the start.
     - `theta_rate`, rad/s: the rate of theta at the start.
-    - `spin_momentum`: H, kg m^2/s.
-    - `inner_inertia`: J, kg m^2.
-    - `outer_inertia_upright`: I_1, kg m^2.
-    - `outer_inertia_across`: I_2, kg m^2.
+    - `spin_momentum`, kg m^2/s: H.
+    - `inner_inertia`, kg m^2: the moment of inertia J.
+    - `outer_inertia_upright`, kg m^2: the moment of inertia I_1.
+    - `outer_inertia_across`, kg m^2: the moment of inertia I_2.
 
     The exact results are NaN from `greatest_rate` on."""
 

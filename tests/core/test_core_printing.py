@@ -30,6 +30,7 @@ from jaxspace.rotations import Quaternion
 MOST_LINES = 40
 # Those that hold what a computation is made of, and no numbers that it gave.
 NO_RESULTS = {
+    "Advance": "a step of a method, for those who write one",
     **dict.fromkeys(("Choice", "FileName", "EventCondition", "Initial", "Output"), "declarations"),
     **dict.fromkeys(("Quantity", "SolverTraits", "Catalog", "SceneFile"), "descriptions"),
     **dict.fromkeys(("ByPurpose", "Campaign", "Evaluator", "LatinHypercube"), "what is to be run"),
@@ -68,6 +69,7 @@ UNIT = re.compile(r"(?:[,:]) (kg|N|K|Pa|J|m|s|rad)((?:[ /][a-z]+)?(?:\^\d)?)(?=[
 
 # Units in docstrings that are not those of a field.
 NOT_OF_A_FIELD = {
+    "Filtered": "m",  # the number of coordinates of a reading
     "InsertionOptimum": "s/m",  # of a price that is per time or per speed, by the criterion
     "Modes": "m",  # the number of inputs
     "Motor": "N s",  # of a property
