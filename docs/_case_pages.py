@@ -21,20 +21,20 @@ ERRORS = json.loads(RECORD.read_text())
 START = """\
 # Reference cases
 
-Textbook cases (Thomson, *Introduction to Space Dynamics*; Harrison and Nettleton, *Advanced
-Engineering Dynamics*) that the tests compute with this library, from the tables in `tests/cases`.
-The values are in the units of the book. The tolerance of a vector is relative to its greatest
-component; a zero is compared with the magnitude of the cancelling terms. The errors were measured
-by `python tests/case_errors.py`."""
+This page lists the textbook cases (Thomson, *Introduction to Space Dynamics*; Harrison and
+Nettleton, *Advanced Engineering Dynamics*) that the tests compute with jaxspace; they are defined
+in `tests/cases`. The values are in the units of the book. The tolerance of a vector is relative to
+its greatest component; a zero is compared with the magnitude of the cancelling terms. The errors
+were measured by `python tests/case_errors.py`."""
 HEAD = """\
 | Case | Quantity | Expected | Computed by | Relative tolerance | Error |
 |---|---|---|---|---|---|"""
 ROWS_START = """\
 # {title}
 
-{books}: the function for each section, and the reference cases with which the tests compare it. The
-error is the largest relative error of these comparisons, measured by `python tests/case_errors.py`.
-The values of most cases are listed in [reference cases](cases.md).
+This page lists the functions for each section of {books}, and the reference cases with which the
+tests compare them. The error is the largest relative error of these comparisons, measured by
+`python tests/case_errors.py`. The values of most cases are listed in [reference cases](cases.md).
 
 | Section | Subject | Computed by | Cases | Error |
 |---|---|---|---|---|"""

@@ -44,9 +44,9 @@ hide: [toc]
 
 Each picture links to the code that draws it and to the functions that it uses. The captions give
 the figure numbers of the books, which are listed in [From the
-textbook](../reference/from_the_textbook.md). Below each caption: lines of code and CPU time when
-`python examples/gallery/draw.py` draws all figures in one process, including compilation of
-programs that no earlier figure had compiled.
+textbook](../reference/from_the_textbook.md). The line below each caption states the lines of code
+and the CPU time when `python examples/gallery/draw.py` draws all figures in one process, including
+the compilation of programs that no earlier figure had compiled.
 """
 GOALS = {
     "Orbit transfers": (

@@ -16,9 +16,10 @@ hide: [toc]
 
 This page lists the functions for each section, problem and figure of the textbooks.
 
-- Numbers refer to Thomson, *Introduction to Space Dynamics*; numbers with an H to Harrison and
-  Nettleton, *Advanced Engineering Dynamics*. - Pictures link to the scripts that draw them, *cases*
-  to the values of the book that the tests compute."""
+- Numbers refer to Thomson, *Introduction to Space Dynamics*; numbers with an H refer to Harrison
+  and Nettleton, *Advanced Engineering Dynamics*.
+- The column *Pictures* links to the scripts that draw the figures, the column *Tests* to the values
+  of the book that the tests compute."""
 HEAD = """\
 | Section | Subject | Computed by | Pictures | Tests |
 |---|---|---|---|---|"""

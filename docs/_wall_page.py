@@ -19,11 +19,12 @@ PAGE = "explanation/equations.md"
 HEAD = """\
 # Equation reference
 
-The closed forms of the library: the equations from the docstrings, their sources, and the largest
-errors found by [fuzz testing](fuzz_testing.md), for the value and for its derivatives in both
-modes. Errors are in units of the rounding error (2.2e-16) times the condition number: the effect of
-rounding the inputs is about 1. The search evaluated {functions} functions at {places:,} inputs; the
-worst inputs are listed on its page. The symbols and their units are defined in the docstrings.
+This page lists the closed forms of the library: the equations from the docstrings, their sources,
+and the largest errors found by [fuzz testing](fuzz_testing.md), for the value and for its
+derivatives in both modes. Errors are in units of the rounding error (2.2e-16) times the condition
+number: the effect of rounding the inputs is about 1. The search evaluated {functions} functions at
+{places:,} inputs; the worst inputs are listed on its page. The symbols and their units are defined
+in the docstrings.
 """
 TABLE = """\
 | Computed by | Value | Derivatives |

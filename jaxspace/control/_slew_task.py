@@ -47,11 +47,19 @@ class SlewTask(AbstractEnvironment):
     scene: Scene = eqx.field(
         default_factory=_satellite, metadata={"doc": "the satellite, with its wheels"}
     )
-    period: SingleNumberField = quantity("s", positive=True, default=0.5, doc="of a step")
-    horizon: SingleNumberField = quantity("s", positive=True, default=300.0, doc="of an episode")
-    rate_scale: SingleNumberField = quantity("rad/s", positive=True, default=0.05, doc="of rates")
-    rate_limit: SingleNumberField = quantity("rad/s", positive=True, default=0.5, doc="end")
-    effort: SingleNumberField = quantity("", non_negative=True, default=0.01, doc="w, of actions")
+    period: SingleNumberField = quantity("s", positive=True, default=0.5, doc="duration of a step")
+    horizon: SingleNumberField = quantity(
+        "s", positive=True, default=300.0, doc="maximum duration of an episode"
+    )
+    rate_scale: SingleNumberField = quantity(
+        "rad/s", positive=True, default=0.05, doc="scale of the rates in the observations"
+    )
+    rate_limit: SingleNumberField = quantity(
+        "rad/s", positive=True, default=0.5, doc="rate of the body at which an episode ends"
+    )
+    effort: SingleNumberField = quantity(
+        "", non_negative=True, default=0.01, doc="w, weight of the actions in the reward"
+    )
     method: FixedSteps = eqx.field(
         static=True, default=ONE_STEP, metadata={"doc": "integration of one period"}
     )

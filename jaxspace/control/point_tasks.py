@@ -66,12 +66,20 @@ class LandingTask(AbstractEnvironment):
     scene: Scene = eqx.field(
         default_factory=_lander, metadata={"doc": "the lander, with its gravity and thrust"}
     )
-    mass: SingleNumberField = quantity("kg", positive=True, default=2000.0, doc="at the start")
-    distance: SingleNumberField = quantity("m", positive=True, default=1000.0, doc="at the start")
-    speed: SingleNumberField = quantity("m/s", positive=True, default=50.0, doc="scale of speeds")
-    period: SingleNumberField = quantity("s", positive=True, default=0.5, doc="of a step")
-    horizon: SingleNumberField = quantity("s", positive=True, default=120.0, doc="of an episode")
-    effort: SingleNumberField = quantity("", non_negative=True, default=0.05, doc="of propellant")
+    mass: SingleNumberField = quantity("kg", positive=True, default=2000.0, doc="initial mass")
+    distance: SingleNumberField = quantity(
+        "m", positive=True, default=1000.0, doc="initial distance, also the scale of positions"
+    )
+    speed: SingleNumberField = quantity(
+        "m/s", positive=True, default=50.0, doc="scale of velocities"
+    )
+    period: SingleNumberField = quantity("s", positive=True, default=0.5, doc="duration of a step")
+    horizon: SingleNumberField = quantity(
+        "s", positive=True, default=120.0, doc="maximum duration of an episode"
+    )
+    effort: SingleNumberField = quantity(
+        "", non_negative=True, default=0.05, doc="weight of the propellant in the reward"
+    )
     method: FixedSteps = eqx.field(
         static=True, default=ONE_STEP, metadata={"doc": "integration of one period"}
     )
@@ -141,11 +149,19 @@ class RendezvousTask(AbstractEnvironment):
     thrust: SingleNumberField = quantity(
         "m/s^2", positive=True, default=0.01, doc="greatest acceleration along an axis"
     )
-    distance: SingleNumberField = quantity("m", positive=True, default=1000.0, doc="at the start")
-    speed: SingleNumberField = quantity("m/s", positive=True, default=1.0, doc="scale of speeds")
-    period: SingleNumberField = quantity("s", positive=True, default=10.0, doc="of a step")
-    horizon: SingleNumberField = quantity("s", positive=True, default=6000.0, doc="of an episode")
-    effort: SingleNumberField = quantity("", non_negative=True, default=0.05, doc="of actions")
+    distance: SingleNumberField = quantity(
+        "m", positive=True, default=1000.0, doc="initial distance, also the scale of positions"
+    )
+    speed: SingleNumberField = quantity(
+        "m/s", positive=True, default=1.0, doc="scale of velocities"
+    )
+    period: SingleNumberField = quantity("s", positive=True, default=10.0, doc="duration of a step")
+    horizon: SingleNumberField = quantity(
+        "s", positive=True, default=6000.0, doc="maximum duration of an episode"
+    )
+    effort: SingleNumberField = quantity(
+        "", non_negative=True, default=0.05, doc="weight of the actions in the reward"
+    )
     method: FixedSteps = eqx.field(
         static=True, default=ONE_STEP, metadata={"doc": "integration of one period"}
     )

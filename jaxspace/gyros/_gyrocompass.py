@@ -96,10 +96,13 @@ class Gyrocompass(AbstractSystem):
         "rad", default=0.0, doc="of the acceleration, from north towards east"
     )
     radius: NumberField = quantity(
-        "m", positive=True, default=6371e3, doc="of the earth", shared="planet.radius"
+        "m", positive=True, default=6371e3, doc="radius of the earth", shared="planet.radius"
     )
     earth_rate: NumberField = quantity(
-        "rad/s", default=7.292115e-5, doc="of the earth", shared="planet.rotation_rate"
+        "rad/s",
+        default=7.292115e-5,
+        doc="rotation rate of the earth",
+        shared="planet.rotation_rate",
     )
     gravity: NumberField = quantity("m/s^2", positive=True, default=STANDARD_GRAVITY, doc="g")
 

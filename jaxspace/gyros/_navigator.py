@@ -88,23 +88,38 @@ class InertialNavigator(AbstractSystem):
     roll_frequency: NumberField = quantity("rad/s", default=1.0, doc="of the oscillation")
     accelerometer_bias: Three = quantity("m/s^2", default=ZERO, doc="b")
     gyro_drift: Three = quantity("rad/s", default=ZERO, doc="e, excess of the rate that gyros show")
-    accelerometer_scale: Three = quantity("", default=ZERO, doc="S_a")
+    accelerometer_scale: Three = quantity(
+        "", default=ZERO, doc="S_a, scale-factor errors of the accelerometers"
+    )
     gyro_scale: Three = quantity("", default=ZERO, doc="S_g, of a body's gyros")
-    altitude_rate_gain: NumberField = quantity("1/s", default=0.0, doc="k_1")
-    altitude_gain: NumberField = quantity("1/s^2", default=0.0, doc="k_2")
+    altitude_rate_gain: NumberField = quantity(
+        "1/s", default=0.0, doc="k_1, gain of the altimeter on the vertical speed"
+    )
+    altitude_gain: NumberField = quantity(
+        "1/s^2", default=0.0, doc="k_2, gain of the altimeter on the height"
+    )
     # By default the ellipsoid of WGS 84, with the second zonal harmonic of EGM96.
     radius: NumberField = quantity(
-        "m", positive=True, default=6378137.0, doc="equatorial", shared="planet.radius"
+        "m", positive=True, default=6378137.0, doc="equatorial radius", shared="planet.radius"
     )
     flattening: NumberField = quantity(
         "", low=0.0, high=0.5, default=1.0 / 298.257223563, doc="of the ellipsoid"
     )
     mu: NumberField = quantity(
-        "m^3/s^2", positive=True, default=3.986004418e14, doc="of the earth", shared="planet.mu"
+        "m^3/s^2",
+        positive=True,
+        default=3.986004418e14,
+        doc="gravitational parameter of the earth",
+        shared="planet.mu",
     )
-    j2: NumberField = quantity("", default=1.08262668e-3, doc="second zonal", shared="planet.j2")
+    j2: NumberField = quantity(
+        "", default=1.08262668e-3, doc="second zonal harmonic", shared="planet.j2"
+    )
     earth_rate: NumberField = quantity(
-        "rad/s", default=7.292115e-5, doc="of the earth", shared="planet.rotation_rate"
+        "rad/s",
+        default=7.292115e-5,
+        doc="rotation rate of the earth",
+        shared="planet.rotation_rate",
     )
     path: Path | None = None
     anomaly: Callable[[Scalar, Scalar, Scalar], Vector] | None = None

@@ -60,7 +60,7 @@ class RateGyro(AbstractSystem):
     input_rate: NumberField = quantity("rad/s", default=0.0, doc="w_i, about the input axis")
     spin_axis_rate: NumberField = quantity("rad/s", default=0.0, doc="w_s, about the spin axis")
     scale_factor_error: NumberField = quantity("", default=0.0, doc="s")
-    bias_torque: NumberField = quantity("N m", default=0.0, doc="M_0")
+    bias_torque: NumberField = quantity("N m", default=0.0, doc="M_0, bias torque")
     input_unbalance: NumberField = quantity(
         "kg m", default=0.0, doc="U_i, mass times offset along the input axis"
     )

@@ -55,15 +55,19 @@ class NavigationErrors(AbstractSystem):
     `errors` where some are zero."""
 
     radius: NumberField = quantity("m", positive=True, doc="r, from the earth's centre")
-    gravity: NumberField = quantity("m/s^2", positive=True, doc="g, there")
+    gravity: NumberField = quantity("m/s^2", positive=True, doc="g, at this place")
     rate: Float[Array, "3 *#runs"] = quantity("rad/s", default=(0.0, 0.0, 0.0), doc="W")
     specific_force: Float[Array, "3 *#runs"] = quantity("m/s^2", default=(0.0, 0.0, 0.0), doc="A")
     accelerometer_bias: Float[Array, "3 *#runs"] = quantity(
         "m/s^2", default=(0.0, 0.0, 0.0), doc="b"
     )
     gyro_drift: Float[Array, "3 *#runs"] = quantity("rad/s", default=(0.0, 0.0, 0.0), doc="e")
-    altitude_rate_gain: NumberField = quantity("1/s", default=0.0, doc="k_1")
-    altitude_gain: NumberField = quantity("1/s^2", default=0.0, doc="k_2")
+    altitude_rate_gain: NumberField = quantity(
+        "1/s", default=0.0, doc="k_1, gain of the altimeter on the vertical speed"
+    )
+    altitude_gain: NumberField = quantity(
+        "1/s^2", default=0.0, doc="k_2, gain of the altimeter on the height"
+    )
 
     def vector_field(self, t: Scalar, y: NavigationErrorState) -> NavigationErrorState:
         del t

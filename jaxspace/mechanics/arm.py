@@ -40,7 +40,7 @@ class ArmPendulum(AbstractSystem):
     """A damped pendulum that hangs on a rotating arm. State: `ArmState`."""
 
     frequency: NumberField = quantity("rad/s", positive=True, doc="p, of a small swing")
-    damping_ratio: NumberField = quantity("", non_negative=True, doc="zeta")
+    damping_ratio: NumberField = quantity("", non_negative=True, doc="zeta, of the swing")
     rate: NumberField = quantity("rad/s", doc="w, of the arm")
     arm: NumberField = quantity("m", doc="e, length of the arm")
 

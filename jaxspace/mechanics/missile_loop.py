@@ -58,9 +58,13 @@ class MissileLoop(AbstractSystem):
     pitch_gain: NumberField = quantity("", default=0.0, doc="k_p, on the pitch")
     rate_gain: NumberField = quantity("s", default=0.0, doc="k_r, on the rate of pitch")
     gyro_place: NumberField = quantity("m", default=0.0, doc="x_g, before the mass centre")
-    slosh_mass: NumberField = quantity("kg", non_negative=True, default=0.0, doc="m_s")
+    slosh_mass: NumberField = quantity(
+        "kg", non_negative=True, default=0.0, doc="m_s, sloshing mass"
+    )
     slosh_frequency: NumberField = quantity("rad/s", positive=True, default=1.0, doc="w")
-    slosh_damping: NumberField = quantity("", non_negative=True, default=0.0, doc="zeta")
+    slosh_damping: NumberField = quantity(
+        "", non_negative=True, default=0.0, doc="zeta, damping ratio of the slosh"
+    )
     tank_place: NumberField = quantity("m", default=0.0, doc="x_s, before the mass centre")
 
     def vector_field(self, t: Scalar, y: MissileLoopState) -> MissileLoopState:

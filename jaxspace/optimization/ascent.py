@@ -102,10 +102,10 @@ class Ascent(eqx.Module):
     Each number is (*runs,).
 
     - `thrust`: the thrust acceleration over time.
-    - `burn_time`, s: t_b.
+    - `burn_time`, s: t_b, duration of the burn.
     - `release_speed`, m/s: v_0; the direction of the release velocity is free.
-    - `release_height`, m: y_0.
-    - `apex_height`, m: Y.
+    - `release_height`, m: y_0, height at the release.
+    - `apex_height`, m: Y, prescribed height of the apex.
     - `gravity`, m/s^2: g."""
 
     thrust: AbstractThrustAcceleration

@@ -72,7 +72,7 @@ class FlownStaging(HashedModule):
     - `propellant`, kg: of each stage, (stages,).
     - `used`: whether the mass of a stage is above zero, (stages,).
     - `kick`, rad: angle of the tilt; zero for a vertical flight.
-    - `initial_mass`, kg: m_1.
+    - `initial_mass`, kg: m_1, of the rocket.
     - `burnout`: the state at the burnout of the last stage.
     - `burn_times`, s: of each stage, (stages,).
     - `ideal_velocity`, m/s: the sum of u ln mu.

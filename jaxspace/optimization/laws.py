@@ -59,9 +59,9 @@ class SteeringProfile(HashedModule):
 class TangentLaw(HashedModule):
     """The tangent of the angle linear in s, or with `denominator` bilinear.
 
-    - `tangent`: a, (*runs,).
-    - `rate`: b, (*runs,).
-    - `denominator`: c, (*runs,); `None` for the linear law."""
+    - `tangent`: a, tangent of the angle at s = 0, (*runs,).
+    - `rate`: b, (*runs,), per unit of s.
+    - `denominator`: c, (*runs,), per unit of s; `None` for the linear law."""
 
     tangent: Float[Array, "*#runs"] = eqx.field(converter=as_float)
     rate: Float[Array, "*#runs"] = eqx.field(converter=as_float)

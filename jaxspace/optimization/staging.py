@@ -111,8 +111,8 @@ def equal_stages_payload(
 class Staging(eqx.Module):
     """The optimal staging: (stages, *runs) for stage quantities, else (*runs,).
 
-    - `mass_ratio`: mu_i.
-    - `initial_mass`: m01/P.
+    - `mass_ratio`: mu_i, of the burn of each stage.
+    - `initial_mass`: m01/P, initial mass over payload.
     - `payload_ratio`: P/m01, its inverse.
     - `multiplier`: lambda, negative, 1/(unit of u): one more unit of velocity multiplies m01 by
       exp(-lambda).

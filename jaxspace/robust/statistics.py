@@ -204,7 +204,7 @@ class MeanPlus(AbstractStatistic):
     """The mean plus `k` standard deviations, minus for a negative `k`.
 
     - `output`: name of an output of the campaign.
-    - `k`: any number."""
+    - `k`: number of standard deviations, of either sign."""
 
     output: str = eqx.field(static=True)
     k: float = eqx.field(static=True, converter=float)

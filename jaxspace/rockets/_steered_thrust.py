@@ -230,7 +230,7 @@ class Separation(AbstractJump):
 
     needs: ClassVar[frozenset[str]] = frozenset({"mass"})
 
-    dropped: NumberField = quantity("kg", non_negative=True, doc="remaining mass")
+    dropped: NumberField = quantity("kg", non_negative=True, doc="mass that is dropped")
 
     def __call__(self, t: Scalar, y: BodyState) -> BodyState:
         del t

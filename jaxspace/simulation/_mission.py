@@ -141,7 +141,7 @@ class Mission(HashedModule):
     - `phases`: the phases, in their order.
     - `start`: a function (t, y) -> y before the first phase: for a branch, the state of the part
       from that of the whole; `None` leaves the state unchanged.
-    - `name`: of a branch.
+    - `name`: name of a branch in the result.
 
     Raises `InputError` without phases, and for duplicate names of phases or branches."""
 
