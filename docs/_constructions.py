@@ -17,9 +17,10 @@ from _uses import packages, public_names
 from jaxspace.core.quantities import quantities
 
 FILES = Path(__file__).resolve().parent / "constructions"
-# An entry of a docstring for arguments, "- `mass`, `length`: meaning." or "- `delay`, s: meaning."
+# An entry of a docstring for arguments, "- `mass`, `length`: meaning." or "- `force`, kg m/s^2:
+# meaning."
 ENTRY = re.compile(
-    r"^- (`\w+`(?:, `\w+`)*)(?:, ([^\s:]+))?: (.*(?:\n  \S.*)*)\n?",
+    r"^- (`\w+`(?:, `\w+`)*)(?:, ([^\s:,`]+(?: [^\s:,`]+)*))?: (.*(?:\n  \S.*)*)\n?",
     re.MULTILINE,
 )
 # A bar would end the cell of a table.
@@ -269,9 +270,8 @@ def table(cls: type, entries: dict[str, tuple[str, str]]) -> str:
         else:
             field = fields.get(name)
             known = printed.get(name, "")
-            measure = measure or (
-                unit(known) if isinstance(known, str) and known else ""
-            )
+            measure = measure or (known if isinstance(known, str) else "")
+            measure = unit(measure) if measure else ""
             # A converter hides the type of its field.
             allowed = kind(field.type if field else parameter.annotation)
             allowed = f"`{allowed}`" if allowed else ""

@@ -44,11 +44,11 @@ class Load(eqx.Module):
 
     - `acceleration_N`, m/s^2: of the centre of mass, in inertial axes (gravity: no mass is needed).
     - `force_N`, N: in inertial axes.
-    - `torque_B`: about the centre of mass, in body axes.
+    - `torque_B`, N m: about the centre of mass, in body axes.
     - `mass_rate`, kg/s: negative when mass leaves.
     - `parts_rate`: rates of the state's extra parts, by name.
-    - `inertia_B`: contribution of moving parts to the inertia of the body, (3, 3, *runs).
-    - `momentum_B`: angular momentum of moving parts in body axes, relative to the body.
+    - `inertia_B`, kg m^2: contribution of moving parts to the inertia of the body, (3, 3, *runs).
+    - `momentum_B`, kg m^2/s: angular momentum of moving parts in body axes, relative to the body.
       Their torque contains the changes in body axes only, without omega x momentum."""
 
     acceleration_N: Vector | None = None

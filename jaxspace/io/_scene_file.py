@@ -83,6 +83,7 @@ class SceneFile(FileContent):
     - `task`: the content of [optimize], or `None`.
     - `files`: the files that it names.
     - `modules`: the Python files that were run for it.
+    - `sweep`: the values of the numbers in [sweep], SI, by path; empty without it.
 
     Its `kind` is "system", "scene", "mission" or "flight", and its `title` defaults to the name of
     the file. A run starts at the time `start`, s."""
