@@ -31,16 +31,16 @@ TASKS = {
         "Moving frames": "MovingFrame moving_frame plane_motion",
     },
     "orbits": {
-        "Effects": "PointGravity Oblateness Zonals Drag ThirdBody SolarPressure LowThrust QLaw "
-        "UniformGravity SphereGravity RotatingFrame",
+        "Effects": "PointGravity Oblateness Zonals SphericalHarmonics PlanetRotation Drag "
+        "ThirdBody SolarPressure LowThrust QLaw UniformGravity SphereGravity RotatingFrame",
         "Systems": "TwoBody ClohessyWiltshire CentralPotential PowerLawForce",
         "Orbital elements": "ClassicalElements EquinoctialElements ModifiedEquinoctialElements "
         "elements conic initial burnout",
         "Propagation": "kepler time_of_flight steps",
         "Transfers": "lambert transfers bielliptic phasing Interception interception planets",
         "Impulses": "Impulse impulses small_impulse VelocityToBeGained",
-        "Perturbations": "oblateness zonals secular_rates drag third_body solar_pressure "
-        "low_thrust shadow",
+        "Perturbations": "oblateness zonals spherical_harmonics gravity_file secular_rates drag "
+        "third_body solar_pressure low_thrust shadow",
         "Rendezvous": "clohessy_wiltshire",
         "Ground tracks and stations": "Station station ground_track rotating_earth",
         "Ballistic flight": "ballistic projectile uniform_gravity",

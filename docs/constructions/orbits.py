@@ -17,12 +17,14 @@ from jaxspace.orbits import (
     LowThrust,
     ModifiedEquinoctialElements,
     Oblateness,
+    PlanetRotation,
     PointGravity,
     PowerLawForce,
     QLaw,
     RotatingFrame,
     SolarPressure,
     SphereGravity,
+    SphericalHarmonics,
     Station,
     TabulatedPath,
     ThirdBody,
@@ -57,6 +59,16 @@ Zonals(
     mu=3.986004418e14,
     harmonics=[1.08263e-3, -2.53e-6, -1.62e-6],
     radius=6378137.0,
+)
+turning = PlanetRotation(rate=7.292115e-5, angle=1.75)
+SphericalHarmonics(
+    mu=3.986004418e14,
+    coefficients=[
+        [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [-4.84e-4, 0.0, 2.44e-6]],
+        [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, -1.4e-6]],
+    ],
+    radius=6378137.0,
+    rotation=turning,
 )
 SphereGravity(mu=3.986004418e14, radius=6378137.0)
 UniformGravity(acceleration=[0.0, 0.0, -9.81])

@@ -8,6 +8,7 @@ from ..core.modules import modules_of as _modules_of
 from ._at_altitude import AtAltitude as AtAltitude
 from ._equinoctial import EquinoctialElements as EquinoctialElements
 from ._modified_equinoctial import ModifiedEquinoctialElements as ModifiedEquinoctialElements
+from ._planet_rotation import PlanetRotation as PlanetRotation
 from ._q_law import AtTargetOrbit as AtTargetOrbit
 from ._q_law import QLaw as QLaw
 from ._rotating_frame import RotatingFrame as RotatingFrame
@@ -28,6 +29,7 @@ from .paths import KeplerPath as KeplerPath
 from .paths import TabulatedPath as TabulatedPath
 from .point_gravity import PointGravity as PointGravity
 from .solar_pressure import SolarPressure as SolarPressure
+from .spherical_harmonics import SphericalHarmonics as SphericalHarmonics
 from .station import Station as Station
 from .third_body import ThirdBody as ThirdBody
 from .uniform_gravity import UniformGravity as UniformGravity
@@ -44,6 +46,7 @@ if TYPE_CHECKING:
     from . import deviation_outputs as deviation_outputs
     from . import drag as drag
     from . import elements as elements
+    from . import gravity_file as gravity_file
     from . import ground_track as ground_track
     from . import impulses as impulses
     from . import initial as initial
@@ -65,6 +68,7 @@ if TYPE_CHECKING:
     from . import shadow as shadow
     from . import small_impulse as small_impulse
     from . import solar_pressure as solar_pressure
+    from . import spherical_harmonics as spherical_harmonics
     from . import station as station
     from . import steps as steps
     from . import third_body as third_body

@@ -111,6 +111,10 @@ LEFT_OUT: dict[str, list[str]] = {
     "cubic interpolation of measured values, which is tested against SciPy": """
         vehicles.AerodynamicTable* vehicles.TabulatedAerodynamics* vehicles.Measured*
     """.split(),
+    "sums of series by loops, which are tested against mpmath": """
+        orbits.spherical_harmonics* orbits.SphericalHarmonics* orbits.PlanetRotation*
+        orbits.read_gfc orbits.GravityField*
+    """.split(),
     "forces that determine a limit of validity, covered by the tests of that limit": """
         mechanics.BarOnString.tension mechanics.LandingLegs.ground_force
     """.split(),
