@@ -38,12 +38,14 @@ class Limit(NamedTuple):
 ROLLED_FROM = {
     Runs.DERIVATIVE_OF_ONE: Limit(
         0,
-        "the first call is mostly compilation: the step occurs in the run, in its monitored "
-        "tangents and in the replay",
+        "the first call is mostly compilation: the program contains the step three times (in the "
+        "run, in its monitored tangents and in its recomputation)",
     ),
     Runs.ONE_CLOSED_LOOP: Limit(0, "compiling unrolled stages takes longer than a run"),
     Runs.ONE_RECORDED: Limit(
-        70, "for fewer operations, the saving is small and both directions are slower"
+        70,
+        "with fewer operations, rolling saves little compilation time, and makes the run and its "
+        "backward pass slower",
     ),
     Runs.ONE: Limit(160, "a third of the compilation time, up to 1.5 times the run time"),
     Runs.DERIVATIVES: Limit(160, "a third of the compilation time, up to 1.7 times the run time"),
