@@ -187,8 +187,7 @@ def statements(code: str) -> list[str]:
 
 def parameters(cls: type) -> list[inspect.Parameter]:
     """The arguments of the constructor."""
-    # Of `__init__`, because the `__new__` of a class that checks names accepts any.
-    return list(inspect.signature(cls.__init__).parameters.values())[1:]
+    return list(inspect.signature(cls).parameters.values())
 
 
 def default(cls: type, parameter: inspect.Parameter) -> str:

@@ -72,6 +72,12 @@ def suggests(cls: Class) -> Class:
     # By the creation of an object, because dataclasses replace the constructors of subclasses.
     if hasattr(cls, "__dataclass_fields__") and not hasattr(cls.__new__, _CHECKED):
         cls.__new__ = staticmethod(_checked(cls.__new__))  # type: ignore[assignment]
+        # `help` would show the arguments of `__new__`, which accepts any. The classes of equinox
+        # have a signature of their metaclass.
+        if type(cls) is type:
+            signature = inspect.signature(cls.__init__)
+            rest = list(signature.parameters.values())[1:]
+            cls.__signature__ = signature.replace(parameters=rest)  # type: ignore[attr-defined]
     return cls
 
 

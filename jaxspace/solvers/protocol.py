@@ -130,6 +130,7 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
         del f, t0, t1, y0
 
 
+@suggests
 @final
 class Advance(NamedTuple):
     """Result of a step.

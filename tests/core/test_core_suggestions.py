@@ -1,6 +1,7 @@
 """An unknown name of a module or of an object: the error suggests the nearest one."""
 
 import copy
+import dataclasses
 import enum
 import importlib
 import inspect
@@ -17,6 +18,7 @@ from jaxspace import BodyState, Scene, constants, optimization, orbits
 from jaxspace.core.modules import public_names
 from jaxspace.core.printing import printed
 from jaxspace.core.structure import HashedModule
+from jaxspace.dispersion import StopRule
 from jaxspace.orbits import PointGravity, transfers
 
 PACKAGES = sorted(set(jaxspace.__all__) - set(jaxspace._MODULE_OF) - {"constants"})
@@ -114,3 +116,9 @@ def test_a_traceback_suggests_a_name_once():
         "AttributeError: module 'jaxspace.orbits' has no attribute 'hohman'. Did you mean "
         "jaxspace.orbits.transfers.hohmann_transfer?"
     )
+
+
+def test_help_shows_the_arguments_of_a_dataclass():
+    assert list(inspect.signature(StopRule).parameters) == [
+        field.name for field in dataclasses.fields(StopRule)
+    ]
