@@ -1,19 +1,21 @@
 """Commands of campaigns: disperse, resume, replay, failures."""
 
+import contextlib
 import functools
 import os
 import shlex
 import sys
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ..core import InputError, argument
 from ..dispersion import disperse as disperse_campaign
 from ..dispersion import moments
+from ..dispersion.automatic import MethodChoice, choose_method
 from ..dispersion.comparison import compare_methods
-from ..dispersion.covariance import METHODS, MONTE_CARLO
+from ..dispersion.covariance import AUTO, METHODS, MONTE_CARLO, Moments
 from ..engines import AbstractEngine, Part
 from ..io import SceneFile, load, stored_scene
 from ..io.reports.campaign import comparison_table, failures_report, moments_report, replay_report
@@ -44,7 +46,7 @@ class Options(NamedTuple):
     engine: str = "local"
     overwrite: bool = False
     until: StopRule | None = None
-    method: str = MONTE_CARLO
+    method: str | None = None
     compare: bool = False
     part: tuple[int, int] | None = None
 
@@ -60,9 +62,15 @@ def disperse(path: str, options: Options, folder: str, modules: Sequence[str] = 
             "one run: omit it, or disperse an input."
         )
     seed = file.seed if options.seed is None else options.seed
-    if options.method != MONTE_CARLO:
-        _refuse_options_of_runs(options)
-        return _without_runs(file, options.method)
+    method = file.method if options.method is None else options.method
+    if method not in (MONTE_CARLO, AUTO):
+        _refuse_options_of_runs(options, method)
+        return _without_runs(file, method)
+    if method == AUTO:
+        choice = _chosen(file, runs)
+        print(f"method: {choice.reason}")
+        if choice.moments is not None:
+            return _report_moments(file, choice.moments)
     times = None
     if options.times is not None:
         parts = options.times.split(",")
@@ -87,12 +95,19 @@ def disperse(path: str, options: Options, folder: str, modules: Sequence[str] = 
     return _run(file, store, runs, engine, METHODS if options.compare else None, **how)
 
 
-def _refuse_options_of_runs(options: Options) -> None:
+def _chosen(file: SceneFile, runs: int) -> MethodChoice:
+    """The method that is as accurate as so many runs."""
+    campaign = file.campaign(warn=False, runs=runs)
+    with waiting("choosing the method"):
+        return choose_method(campaign, runs, accuracy=file.accuracy)
+
+
+def _refuse_options_of_runs(options: Options, method: str) -> None:
     """Raise `InputError` for an option about runs with a method that has none."""
     for name, default in Options._field_defaults.items():
         if name != "method" and getattr(options, name) != default:
             raise InputError(
-                f"--{name} applies to the runs of a campaign, and --method {options.method} "
+                f"--{name} applies to the runs of a campaign, and --method {method} "
                 "computes none: omit one of the two options."
             )
 
@@ -106,6 +121,15 @@ def _without_runs(file: SceneFile, method: str) -> int:
         warnings.filterwarnings("ignore", ".*is not reliable")
         result = moments(campaign, method, accuracy=file.accuracy)
     print(moments_report(file.title, result, campaign.units, file.nominal_outputs(nominal)))
+    return 0
+
+
+def _report_moments(file: SceneFile, result: Moments) -> int:
+    """Print the mean and the standard deviation of a method that was chosen."""
+    with waiting("simulating the nominal run"):
+        outputs = file.nominal_outputs(file.nominal_mission())
+    units = {spec.name: spec.unit for spec in file.outputs}
+    print(moments_report(file.title, result, units, outputs))
     return 0
 
 
@@ -170,7 +194,8 @@ def _run_and_report(
     began = time.perf_counter()
     # The campaign of a flight from a rail flies the nominal one, too: a program for it alone would
     # take a third of the wait.
-    with waiting("simulating the nominal run"):
+    stages = _Stages()
+    with stages.of("the nominal run"), waiting("simulating the nominal run"):
         nominal = None if file.site is not None else file.nominal_mission()
     campaign = file.campaign(nominal, warn=False, runs=runs)
     total = campaign.total_runs(runs)
@@ -187,6 +212,7 @@ def _run_and_report(
             result = disperse_campaign(
                 campaign,
                 runs,
+                method="monte_carlo",
                 store=store,
                 engine=engine,
                 notes={"title": file.title, "scene_file": str(file.path)},
@@ -197,17 +223,21 @@ def _run_and_report(
         print(_parts_left(store, result, engine))
         return 0
     shown = file.in_units(result)
-    with waiting("computing the statistics"):
+    with stages.of("the statistics"), waiting("computing the statistics"):
         outputs = nominal_outputs(file, result, nominal)
         tables = dispersion_report(shown, outputs)
     print(tables)
     methods = file.compare if compare is None else compare
     if methods:
-        with waiting("computing the moments with the other methods"), warnings_as_lines():
+        words = "computing the moments with the other methods"
+        with stages.of("the other methods"), waiting(words), warnings_as_lines():
             table = compare_methods(campaign, result, methods, accuracy=file.accuracy)
         print(f"\ncomparison of methods with these runs\n{comparison_table(table)}\n")
-    written = keep_pictures(shown, file.title, outputs, os.path.splitext(store)[0], site=file.site)
-    print(_times(result, time.perf_counter() - began))
+    with stages.of("the figures and the page"):
+        written = keep_pictures(
+            shown, file.title, outputs, os.path.splitext(store)[0], site=file.site
+        )
+    print(_times(result, stages.seconds, time.perf_counter() - began))
     print(f"store  {store}")
     runs_that_decide = _runs_that_decide(result, how.get("until"), campaign.design)
     if runs_that_decide is not None:
@@ -282,17 +312,38 @@ def _left(store: str, untouched: bool, engine: str | AbstractEngine) -> str:
     )
 
 
-def _times(result: Dispersion, whole: float) -> str:
-    """A message about the time of the command, `whole`, s, including the nominal run, the
-    statistics and the figures."""
-    # Without the compilation, which does not grow with the number of runs.
+class _Stages:
+    """The seconds of the stages of a command, by name."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextlib.contextmanager
+    def of(self, name: str) -> Iterator[None]:
+        """Measure the stage with this name."""
+        began = time.perf_counter()
+        yield
+        self.seconds[name] = time.perf_counter() - began
+
+
+def _times(result: Dispersion, stages: Mapping[str, float], whole: float) -> str:
+    """A message about the time of the command, `whole`, s, with all of its parts: the `stages`
+    besides the runs, and those of the runs."""
     ahead = result.attributes["preparation_seconds"]
+    # Without the compilation, which does not grow with the number of runs.
     computing = max(result.seconds - ahead, 1e-9)
+    parts = {"compilation and start-up": ahead, "the runs": computing}
+    parts["writing the store"] = float(result.attributes.get("storing_seconds", 0.0))
+    parts |= stages
+    # Such as building the campaign, and opening the store.
+    parts["the rest"] = whole - sum(parts.values())
+    named = ", ".join(
+        f"{seconds:.1f} s for {name}" for name, seconds in parts.items() if seconds >= 0.05
+    )
     use = 100.0 * result.utilisation
     return (
-        f"{whole:.1f} s in total, with the nominal run, the statistics and the figures. The runs "
-        f"took {computing:.1f} s ({result.runs / computing:.0f} runs/s, {use:.0f} % of "
-        f"{result.cores} cores), after {ahead:.1f} s for compilation and start-up."
+        f"{whole:.1f} s in total: {named}.\n{result.runs / computing:.0f} runs/s, {use:.0f} % of "
+        f"{result.cores} cores."
     )
 
 

@@ -44,7 +44,7 @@ WITH_MODULES = (
 )
 # Not from the package of campaigns, whose import takes time.
 EXTREMES = ("worst", "least", "greatest")
-METHODS = ("monte_carlo", "lincov", "second_order", "unscented")
+METHODS = ("monte_carlo", "lincov", "second_order", "unscented", "auto")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -235,8 +235,8 @@ def _method_options(disperse: argparse.ArgumentParser) -> None:
     disperse.add_argument(
         "--method",
         choices=METHODS,
-        default=METHODS[0],
-        help="method for mean and standard deviation; only monte_carlo writes a store (default: "
+        help="method for mean and standard deviation; only monte_carlo writes a store; auto "
+        "chooses the cheapest one that is as accurate as --runs (default: from the file, or "
         "monte_carlo)",
     )
     disperse.add_argument(

@@ -36,11 +36,13 @@ from ._campaign import Campaign as Campaign
 from ._engine import disperse as disperse
 from ._run_paths import RunPaths as RunPaths
 from ._run_paths import run_paths as run_paths
+from .automatic import choose_method as choose_method
 from .covariance import moments as moments
 from .reweighting import reweight as reweight
 
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.
+    from . import automatic as automatic
     from . import comparison as comparison
     from . import covariance as covariance
     from . import evaluate as evaluate

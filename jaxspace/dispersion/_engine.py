@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..core import InputError
+from ..core import InputError, Scalar
 from ..core.record import Record
 from ..engines import AbstractEngine, MultiHost, Part
 from ..engines.chunks import in_memory, stored
@@ -38,7 +38,8 @@ from ._chosen_times import choose_times
 from ._record import record
 from ._saved_states import StatesToStore
 from ._whole import check_whole
-from .covariance import MONTE_CARLO, Moments, moments
+from .automatic import choose_method
+from .covariance import AUTO, MONTE_CARLO, Moments, moments
 from .purpose import ByPurpose, CampaignAccuracy, as_campaign_accuracy, with_tolerance
 
 if TYPE_CHECKING:
@@ -88,6 +89,29 @@ def disperse(
     ...
 
 
+@overload
+def disperse(
+    campaign: Campaign,
+    runs: int = RUNS,
+    *,
+    method: Literal["auto"],
+    seed: int = 0,
+    chunk: int = CHUNK,
+    accuracy: CampaignAccuracy = None,
+    store: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+    samples: int = 0,
+    times: Sequence[float] | None = None,
+    engine: "str | AbstractEngine | Client" = "local",
+    until: StopRule | None = None,
+    notes: Mapping[str, object] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    devices: int | Sequence[jax.Device] | None = None,
+) -> Dispersion | Moments:
+    """The cheapest method that is as accurate as so many runs."""
+    ...
+
+
 def disperse(
     campaign: Campaign,
     runs: int = RUNS,
@@ -115,7 +139,9 @@ def disperse(
     - `runs`: number of runs; of a campaign with a sweep (`Campaign.at`), of each row.
     - `method`: "monte_carlo"; or "lincov", "second_order" or "unscented", which compute a mean and
       a covariance without random runs (`moments`). Of the options below, these support `accuracy`
-      only.
+      only. Or "auto": the cheapest of "lincov", "unscented" and "monte_carlo" that is as accurate
+      as `runs` runs (`choose_method`), whose reason is `Moments.reason` or the attribute
+      `method_choice` of the result; the other options apply where it chooses runs.
     - `seed`: seed of the random inputs. On the same kind of processor and with the same versions,
       run number i has bit-identical inputs and outputs for any `chunk`, `engine` and `devices`, and
       also after a restart. It depends on `runs` only with a Latin hypercube, with the accuracy
@@ -165,6 +191,16 @@ def disperse(
     method does not support, and for a tolerance that the precision cannot reach; `StoreError` for a
     store that exists or cannot be written, before anything is computed where possible;
     `SimulationError` if the nominal run fails."""
+    if method == AUTO:
+        if resume:
+            raise InputError(
+                "resume is True, and a store has the runs of monte_carlo: omit method, or resume."
+            )
+        choice = choose_method(campaign, runs, accuracy=_given(accuracy))
+        if choice.moments is not None:
+            return choice.moments._replace(reason=choice.reason)
+        notes = {**(notes or {}), "method_choice": choice.reason}
+        method = MONTE_CARLO
     if method != MONTE_CARLO:
         about_runs = (
             *(("runs", runs, RUNS), ("seed", seed, 0), ("chunk", chunk, CHUNK)),
@@ -224,6 +260,12 @@ def disperse(
         if writer is not None:
             return stored(writer, runner, using, attributes, progress, until)
         return _held(runner, using, attributes, runs, progress, until, started)
+
+
+def _given(accuracy: CampaignAccuracy) -> Accuracy | Scalar | None:
+    """The accuracy for a method without runs, for which there is none by purpose."""
+    asked = None if accuracy is None else as_campaign_accuracy(accuracy)
+    return asked.accuracy if isinstance(asked, ByPurpose) else asked
 
 
 def _check_part(until: StopRule | None, overwrite: bool, resume: bool) -> None:

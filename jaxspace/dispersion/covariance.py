@@ -52,7 +52,7 @@ from .evaluate import BLOCK, Evaluator, evaluate_traced
 # of them they may differ before the output counts as not smooth.
 NEARBY, MISSING_SHARE = 0.01, 1e-3
 
-MONTE_CARLO = "monte_carlo"
+MONTE_CARLO, AUTO = "monte_carlo", "auto"
 METHODS = ("lincov", "second_order", "unscented")
 
 # From fewer runs the deviation is too uncertain for a comparison.
@@ -71,7 +71,8 @@ class Moments(NamedTuple):
     - `method`, `runs`, `seconds`: method, number of runs and computing time, without compilation
       and the sample.
     - `warnings`: by output, a message if a sample of runs contradicts its numbers; empty
-      otherwise."""
+      otherwise.
+    - `reason`: why the method was chosen automatically; empty for a given one."""
 
     names: tuple[str, ...]
     mean: np.ndarray
@@ -82,6 +83,7 @@ class Moments(NamedTuple):
     runs: int
     seconds: float
     warnings: Mapping[str, str] = MappingProxyType({})
+    reason: str = ""
 
     def std(self, name: str) -> float:
         """The standard deviation of an output."""

@@ -104,6 +104,11 @@ class FileContent:
         return StopRule(rule["output"], **{k: float(x) for k, x in rule.items() if k != "output"})
 
     @property
+    def method(self) -> str:
+        """The method of [dispersion]. Raises `InputError` without it."""
+        return self.dispersion["method"]
+
+    @property
     @no_method
     def compare(self) -> tuple[str, ...]:
         """The cheaper methods with which the file compares its runs."""

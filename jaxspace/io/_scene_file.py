@@ -39,6 +39,7 @@ from ._file_content import FileContent
 from ._kinds.named_files import NamedFiles
 from ._mission.build import build_mission
 from ._mission.building import Runs, replaced
+from ._mission.checks import air_warnings
 from ._mission.flight import SITE
 from ._requests.accuracy import steps_of
 from ._requests.final_error import requested_error, rounded_down, tolerance_of
@@ -382,8 +383,8 @@ class SceneFile(FileContent):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about probable mistakes: a range without the nominal value, more than one draw
-        of a thousand that will be rejected."""
-        return Listed(warnings_of(self.inputs))
+        of a thousand that will be rejected, effects in different air."""
+        return Listed((*air_warnings(self.parsed), *warnings_of(self.inputs)))
 
     def nominal_mission(self, samples: int | None = None, factor: float = 1.0) -> MissionTrajectory:
         """The nominal run as a mission, at the accuracy of the file times `factor`, or with its

@@ -43,13 +43,16 @@ DIMENSIONS = {
     "kg/m^2": Dimension("mass over area", "50 kg/m^2"),
     "m/s^2": Dimension("acceleration", "9.80665 m/s^2"),
 }
+# Units of which an SI unit has more than this many are those of small things only.
+SMALL = 10.0
 WHOLE_TURN = 2.0 * math.pi
 
 
 class WrittenUnits:
     """The units in which a file gives its numbers, which are those of its reports.
 
-    A result is given in the unit of the key with its name, else in the first one of its kind."""
+    A result is given in the unit of the key with its name, else in the first one of its kind that
+    is not small: the diameter of a tube in mm does not determine the unit of an altitude."""
 
     def __init__(self) -> None:
         self.of_keys: dict[tuple[str, str], str] = {}
@@ -59,7 +62,8 @@ class WrittenUnits:
         """The number at `path`, whose unit in SI is `si`, is written in `unit`."""
         self.of_keys.setdefault((_key(path), si), unit)
         # Dimensionless numbers are not a kind, because their units are not interchangeable.
-        if si:
+        # A degree is small, and yet the unit of all angles.
+        if si and ("rad" in si or in_unit(si, unit) <= SMALL):
             self.of_kinds.setdefault(si, unit)
 
     def take(self, other: "WrittenUnits") -> None:
@@ -67,9 +71,11 @@ class WrittenUnits:
         self.of_keys = {**other.of_keys, **self.of_keys}
         self.of_kinds = {**other.of_kinds, **self.of_kinds}
 
-    def of(self, path: str, si: str) -> str:
-        """The unit for the result or number at `path`."""
-        return self.of_keys.get((_key(path), si), self.of_kinds.get(si, si))
+    def of(self, path: str, si: str, default: str | None = None) -> str:
+        """The unit for the result or number at `path`; `default` where the file has none of this
+        kind, instead of that in SI."""
+        default = si if default is None else default
+        return self.of_keys.get((_key(path), si), self.of_kinds.get(si, default))
 
 
 def _key(path: str) -> str:

@@ -81,7 +81,8 @@ class Aerodynamics(AbstractEffect):
     fins: Fins = parts_field(FINS_DOC)
     tail: RadiusChanges = parts_field(RADIUS_CHANGES_DOC)
     air: LocalAir | None = eqx.field(
-        default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
+        default=None,
+        metadata={"doc": "about the vehicle; calm standard air by default", "shared": "air"},
     )
     coasting: MachTable | None = eqx.field(
         default=None,

@@ -45,7 +45,8 @@ class AirBrake(AbstractEffect):
     )
     time_constant: NumberField = quantity("s", positive=True, default=0.05, doc="of the servo")
     air: LocalAir | None = eqx.field(
-        default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
+        default=None,
+        metadata={"doc": "about the vehicle; calm standard air by default", "shared": "air"},
     )
     command: NumberField = quantity("", default=0.0, doc="share before the first command")
 

@@ -74,7 +74,8 @@ class MovableFins(AbstractEffect):
     )
     time_constant: NumberField = quantity("s", positive=True, default=0.02, doc="of the servos")
     air: LocalAir | None = eqx.field(
-        default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
+        default=None,
+        metadata={"doc": "about the vehicle; calm standard air by default", "shared": "air"},
     )
     command: Float[Array, "3 *#runs"] = quantity(
         "rad", default=(0.0, 0.0, 0.0), doc="angles about the axes before the first command"

@@ -67,7 +67,8 @@ class TabulatedAerodynamics(AbstractEffect):
     # The checker takes the quantities below for fields with defaults before this one.
     table: AerodynamicTable = eqx.field(metadata={"doc": "of the coefficients"})
     air: LocalAir | None = eqx.field(
-        default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
+        default=None,
+        metadata={"doc": "about the vehicle; calm standard air by default", "shared": "air"},
     )
     burnout: OptionalNumberField = quantity(
         "s", optional=True, doc="time of the burnout; by default the motor is off"

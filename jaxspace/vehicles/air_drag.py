@@ -51,7 +51,8 @@ class AirDrag(AbstractEffect):
         converter=as_coefficient, metadata={"doc": "C_D by the Mach number"}
     )
     air: LocalAir | None = eqx.field(
-        default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
+        default=None,
+        metadata={"doc": "about the vehicle; calm standard air by default", "shared": "air"},
     )
     coasting: MachTable | None = eqx.field(
         default=None,
@@ -97,7 +98,8 @@ class Parachute(AbstractEffect):
         doc="time over which its drag area grows linearly; instantaneous by default",
     )
     air: LocalAir | None = eqx.field(
-        default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
+        default=None,
+        metadata={"doc": "about the vehicle; calm standard air by default", "shared": "air"},
     )
 
     def __check_init__(self):

@@ -23,7 +23,7 @@ class AlongAir(AbstractSteering):
     """A thrust along the velocity relative to the air with its wind. At rest relative to the air
     the direction is undefined, and the thrust is zero."""
 
-    air: LocalAir = eqx.field(metadata={"doc": "about the vehicle"})
+    air: LocalAir = eqx.field(metadata={"doc": "about the vehicle", "shared": "air"})
     sense: NumberField = quantity(
         "", low=-1.0, high=1.0, default=1.0, doc="1 along the flow, -1 against it"
     )

@@ -144,7 +144,8 @@ def _field_entries(cls: type) -> dict[str, Entry | None]:
         nested = _nested(field.type)
         default = REQUIRED if field.default is REQUIRED else field.default
         if nested is not None:
-            shared = declared[field.name].shared if field.name in declared else ""
+            shared = field.metadata.get("shared", "")
+            shared = declared[field.name].shared if field.name in declared else shared
             doc = field.metadata.get("doc", "")
             doc = declared[field.name].doc if field.name in declared else doc
             result[field.name] = Entry(nested, None if default is None else REQUIRED, shared, doc)

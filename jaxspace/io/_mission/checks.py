@@ -9,10 +9,11 @@ from ...core.file_names import file_name_fault
 from ...core.quantities import REQUIRED
 from ...scene.reading import Reading, read_effects
 from .._kinds.errors import missing, unknown, wrong
-from .._kinds.kind import Maker
+from .._kinds.kind import Maker, Value
 from .._kinds.values import LONGEST_PART
 from .building import at
 from .control import control_errors
+from .effect_tables import AIR
 from .ends import condition_of, end_kind, event_needs, is_event
 from .flight import flight_errors
 from .lines import Leg, Line, phase_tables
@@ -77,6 +78,24 @@ def shared_errors(file: Parsed) -> list[str]:
                 line = missing(entry.shared, entry.kind.expected()).removesuffix(".")
                 result.append(f"{line}; {who(path)} requires it.")
     return result
+
+
+def air_warnings(file: Parsed) -> list[str]:
+    """A warning about effects of the file that are in different air."""
+    airs: dict[str, Value] = {}
+    for path, maker in file.makers.items():
+        for key, entry in maker.entries.items():
+            if entry.shared == AIR and path.startswith("effects.") and path.count(".") == 1:
+                own = at(file.values, path).get(key)
+                airs[path] = file.values.get(AIR) if own is None else own
+    first = next(iter(airs), "")
+    others = [path for path, air in airs.items() if air != airs[first]]
+    if not others:
+        return []
+    return [
+        f"{', '.join(others)} and {first} are in different air: give one table [air] for all "
+        "effects, or give each of them its air, if they differ intentionally."
+    ]
 
 
 def object_errors(file: Parsed) -> list[str]:

@@ -13,6 +13,9 @@ from .._kinds.kind import Reading, Schema, Value, Values
 from .._kinds.tables import Table
 from .._kinds.values import OneName
 
+AIR = "air"
+"""The table of the air for all effects in it that have no other one."""
+
 
 @dataclass(frozen=True, eq=False)
 class EffectTables(Table):

@@ -7,13 +7,14 @@ import inspect
 
 from ...bodies import BodyState
 from ...core import AbstractSystem, argument
+from ...vehicles.local_air import LocalAir
 from .._catalog.catalog import Catalog, part_entries, state_class, state_way
-from .._catalog.declared import entry_of, function_way
+from .._catalog.declared import entry_of, function_way, object_kind
 from .._kinds.kind import Entry, Kind, Maker
 from .._kinds.tables import NamedTables, Object, Table
 from .._kinds.values import ListOf, Number, OneName, PartOfFileName, Text, Whole
 from .control import control_kind
-from .effect_tables import EffectName, EffectTables
+from .effect_tables import AIR, EffectName, EffectTables
 from .ends import end_kind
 
 TIME = Number(argument("s", fixed=True, doc="time"))
@@ -55,8 +56,11 @@ def mission_entries(catalog: Catalog) -> dict[str, Entry]:
 def _body_entries(catalog: Catalog) -> dict[str, Entry]:
     """The tables of a body and of its effects."""
     effects = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.effects.items()}
+    air = object_kind(LocalAir)
+    assert air is not None
     return {
         "body": Entry(bodies_kind(catalog), {}, doc="mass properties"),
+        AIR: Entry(air, None, doc="the air, for all effects without another"),
         # A body without any effect moves freely, which is a scene as well.
         "effects": Entry(
             EffectTables(effects, catalog.refused), {}, doc="the effects that act on the body"

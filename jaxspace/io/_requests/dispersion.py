@@ -7,7 +7,7 @@ they refer to."""
 from typing import NamedTuple
 
 from ...core import argument
-from ...dispersion.covariance import METHODS
+from ...dispersion.covariance import AUTO, METHODS, MONTE_CARLO
 from .._kinds.errors import unknown
 from .._kinds.kind import Entry, Reading, Values
 from .._kinds.tables import AnyTable, Table
@@ -46,6 +46,11 @@ def dispersion_table() -> Table:
             "correlated": Entry(ListOf(AnyTable()), (), doc="correlated inputs, with a matrix"),
             "direction": Entry(ListOf(AnyTable()), (), doc="vectors with a dispersed direction"),
             "until": Entry(UNTIL, None, doc="rule that stops the campaign early"),
+            "method": Entry(
+                OneName((MONTE_CARLO, *METHODS, AUTO)),
+                MONTE_CARLO,
+                doc="runs, or a cheaper method; auto chooses by the second-order terms",
+            ),
             "compare": Entry(
                 ListOf(OneName(METHODS)), (), doc="cheaper methods to compare with these runs"
             ),

@@ -15,7 +15,7 @@ from .._mission.building import at
 from .._mission.flight import SITE, phases_of_flight
 from .._mission.parsed import Parsed
 from .._mission.states import parts_of_state, state_of
-from ..units import WrittenUnits, in_unit, read_number
+from ..units import WrittenUnits, in_unit, read_number, split
 from .output_spec import FINAL, NOMINAL, SPECIAL, OutputSpec, arguments_of
 
 RUN = "run"
@@ -109,8 +109,10 @@ def read_output(key: str, entry: Values, file: Parsed, units: WrittenUnits) -> O
     phases = _phases_of_extreme(f"{key} = {name}", what, file) if take else ()
     shared = () if what.function is None else tuple(what.function.output.shared.items())
     si = "s" if take.startswith("time") else what.si
-    # By default in the unit in which the author wrote it, or quantities of this kind.
-    unit = entry.get("unit", units.of(name, si))
+    # By default in the unit in which the author wrote it, quantities of this kind, or its limits.
+    limits = (_unit_of_limit(entry.get(k)) for k in ("at_least", "at_most"))
+    written = next(filter(None, limits), si) if si else si
+    unit = entry.get("unit") or units.of(name, si, written)
     try:
         factor = in_unit(si, unit)
     except ValueError as error:
@@ -206,6 +208,15 @@ def _phases_of_extreme(what: str, found: _What, file: Parsed) -> tuple[int, ...]
     if not phases:
         raise ValueError(f"{what}: {found.effect} does not act in this phase.")
     return tuple(phases)
+
+
+def _unit_of_limit(value: object) -> str:
+    """The unit in which a limit is written; empty without one."""
+    try:
+        return split(value, "")[1] if isinstance(value, str) else ""
+    # Reported where the limit is read.
+    except ValueError:
+        return ""
 
 
 def _limit(key: str, value: object, si: str, factor: float) -> float | None:
