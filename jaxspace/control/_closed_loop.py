@@ -25,9 +25,10 @@ from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.checks import check_positive, is_concrete
 from ..core.field_types import check_types
 from ..core.types import as_optional_float
-from ..integration.accuracy import Accuracy, state_dtype
+from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
+from ..integration.initial_state import state_dtype
 from ..integration.layout import broadcast_state, runs_of
 from ..simulation.trajectory import Trajectory
 from ._controller import AbstractController, as_controller

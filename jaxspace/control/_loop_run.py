@@ -11,14 +11,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray, PyTree
 
 from ..core import InputError, Scalar, State
-from ..integration.accuracy import (
-    Accuracy,
-    as_accuracy,
-    as_state,
-    check_initial_state,
-    state_dtype,
-)
+from ..integration.accuracy import Accuracy, as_accuracy
 from ..integration.events import Event
+from ..integration.initial_state import InitialState
 from ..simulation import Trajectory
 from ..simulation.finish import raise_failures
 from ..simulation.reading import AbstractRun
@@ -135,15 +130,14 @@ def run_loop(
     throw: bool,
 ) -> LoopRun:
     """`ClosedLoop.simulate` and `simulate_batch`, with `run_axes` axes of runs."""
-    y0 = as_state(y0)
-    _check(loop, y0, run_axes)
+    y0, dtype = _checked(loop, y0, run_axes)
     request = LoopRequest(loop, y0, ts, options, run_axes)
     times = known_times(ts)
     events = as_events(options.events)
     accuracy = as_accuracy(options.accuracy)
     config = config_of(loop, y0, accuracy, options.steps)
     start = times[0] if options.start is None else options.start
-    start = jnp.asarray(start, state_dtype(y0))
+    start = jnp.asarray(start, dtype)
     key = as_key(loop.key if options.key is None else options.key)
     numbers = LoopInputs(loop.numbers, y0, start, key, options.memory, events, None)
     # Fixed steps have no control of their error: the run is repeated until its largest one passes.
@@ -154,15 +148,11 @@ def run_loop(
     return LoopRun(trajectory, steps_of(config), request)
 
 
-def _check(loop: AbstractSampledLoop, y0: State, run_axes: int) -> None:
-    """Raise `InputError` for arguments with which no loop can run."""
+def _checked(loop: AbstractSampledLoop, y0: State, run_axes: int) -> InitialState:
+    """The initial state. Raises `InputError` for arguments with which no loop can run."""
     if not isinstance(loop.controller, AbstractController):
         raise InputError(
             f"ClosedLoop.controller is of type {type(loop.controller).__name__}: it must be a "
             "controller or a function of the measurements."
         )
-    # A state that is not finite fails only its own run of a batch.
-    if run_axes:
-        state_dtype(y0)
-        return
-    check_initial_state(y0)
+    return InitialState.of(y0, batch=run_axes > 0)

@@ -8,8 +8,9 @@ from jaxtyping import PyTree
 
 from ..core.checks import is_concrete
 from ..core.tracing import is_traced
-from ..integration.accuracy import DEFAULT_RTOL, Accuracy, state_dtype
+from ..integration.accuracy import DEFAULT_RTOL, Accuracy
 from ..integration.config import IntegrationConfig, check_tolerance
+from ..integration.initial_state import state_dtype
 from ..simulation.repeat import error_of_too_few_steps
 from ..simulation.trajectory import Trajectory
 from ..solvers import FixedSteps

@@ -1,5 +1,6 @@
 """Buffers that the loop of an integration fills: rows of states, and the record of its steps."""
 
+import dataclasses
 from typing import NamedTuple
 
 import diffrax
@@ -10,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ..core import State
 from ..core.barrier import barrier
 from ..solvers.dense_output import evaluated
-from ._record import Recording, RecordLayout
+from ._record import Recording
 from ._rows import nan_buffer, put_rows, rows_of
 
 
@@ -85,11 +86,10 @@ class Buffers(NamedTuple):
         y: State,
         step: Array,
         taken: Bool[Array, "*runs"],
-        layout: RecordLayout,
     ) -> "Buffers":
         """The buffers with step number `n` of each run: its `end`, and the state `y` there. The
-        record, of this `layout`, has a row for each iteration in which a run moved, this one with
-        its `number` and its `step`.
+        record has a row for each iteration in which a run moved, this one with its `number` and its
+        `step`.
 
         A step that was not `taken` writes no row, or one that the next step overwrites."""
         _, ends, states, recording = self
@@ -98,7 +98,7 @@ class Buffers(NamedTuple):
         if states is not None:
             states = put_rows(states, n, taken, y)
         if recording is not None:
-            recording = recording.add(layout, number, step, y, jnp.any(taken))
+            recording = recording.add(number, step, y, jnp.any(taken))
         return self._replace(step_ends=ends, step_states=states, recording=recording)
 
     def again(self, empty: "Buffers") -> "Buffers":
@@ -108,7 +108,7 @@ class Buffers(NamedTuple):
         if saved is not None and self.saved is not None:
             saved = saved._replace(states=self.saved.states)
         if recording is not None and self.recording is not None:
-            recording = recording._replace(numbers=self.recording.numbers)
+            recording = dataclasses.replace(recording, numbers=self.recording.numbers)
         return Buffers(saved, self.step_ends, self.step_states, recording)
 
     def ends_of(self, count: Int[Array, "*runs"]) -> Array | None:

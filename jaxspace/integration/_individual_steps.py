@@ -203,8 +203,7 @@ def _filled(
         part = y.z[-1] / jnp.where(duration == 0.0, 1.0, duration)
         ends = (y.segment + part).astype(settings.end.dtype)
     buffers = _with_landed(loop.buffers, y, done)
-    moved, layout = jnp.any(accept | done), settings.layout(y, step)
-    return buffers.add(loop.count, loop.count, ends, y, step, moved, layout)
+    return buffers.add(loop.count, loop.count, ends, y, step, jnp.any(accept | done))
 
 
 def _with_landed(buffers: Buffers, y: IndividualState, done: Bool[Array, "*runs"]) -> Buffers:

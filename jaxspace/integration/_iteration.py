@@ -222,4 +222,4 @@ def _filled(
         # A waiting run stays at the start of the step that contains its event: a derivative has
         # steps of zero length there.
         y = event_state.stopped(y)
-    return buffers.add(loop.accepted, loop.count, t, y, t, accept, settings.layout(y, t))
+    return buffers.add(loop.accepted, loop.count, t, y, t, accept)

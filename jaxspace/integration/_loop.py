@@ -9,6 +9,7 @@ three times, which halves the first call, and it records the steps for derivativ
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -64,11 +65,12 @@ def integrate_loop(
             start = start._replace(buffers=before.buffers.again(start.buffers))
         return by_motion(start) if control is None else control.run(start, by_motion)
 
-    layout = settings.layout(y0, settings.clock(y0))
-    if recorded and layout.rows < layout.limit:
-        own = settings.shared(jnp.array(False))
-        shapes = jax.eval_shape(lambda: _start(own, field, y0, recorded, control))
-        return _until_recorded(settings, layout.rows, shapes, run)
+    if recorded:
+        layout = settings.layout(y0, settings.clock(y0))
+        if layout.rows < layout.limit:
+            own = settings.shared(jnp.array(False))
+            shapes = jax.eval_shape(lambda: _start(own, field, y0, recorded, control))
+            return _until_recorded(settings, layout.rows, shapes, run)
     return run(settings, None)
 
 
@@ -163,7 +165,7 @@ def _first_step(
         return t + 1.0, None
     part = field_of_part(field, t, jnp.ones_like(t))[0]
     t_next, steps = settings.controller().first(
-        lambda ds, y: evaluate(TERM, ds, y, part), t, y0, error_order(settings)
+        partial(evaluate, TERM, args=part), t, y0, error_order(settings)
     )
     # A first guess may reach beyond the end of a short run.
     t_next = jnp.minimum(t_next, settings.end)

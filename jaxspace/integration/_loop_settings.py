@@ -17,6 +17,7 @@ from ._buffers import Buffers, SavedStates
 from ._event_state import TerminalEvents
 from ._record import Recording, RecordLayout, check_memory
 from ._rows import empty_buffer
+from .layout import runs_of
 
 
 @final
@@ -69,7 +70,7 @@ class LoopSettings(eqx.Module):
         """The start of each run like `y`; a single one where all of them share their times."""
         if self.together:
             return self.start
-        return jnp.broadcast_to(self.start, self.tolerance.alive(y).shape)
+        return jnp.broadcast_to(self.start, runs_of(y, self.tolerance.run_axes))
 
     def controller(self) -> StepController:
         """The control of adaptive steps."""
@@ -96,13 +97,8 @@ class LoopSettings(eqx.Module):
     def layout(self, y: State, step: Array) -> RecordLayout:
         """The layout of a record of states like `y` and steps like `step`."""
         # Steps in regularised variables have several numbers each, and are few.
-        short = step.shape == self.tolerance.alive(y).shape if self._is_free else False
+        short = not self.fixed_step and step.ndim == self.tolerance.run_axes
         return RecordLayout.of(y, step, self.max_steps, short=short)
-
-    @property
-    def _is_free(self) -> bool:
-        """Whether the steps are those of each run, and not fixed."""
-        return not self.fixed_step
 
     def shared(self, now: Bool[Array, ""]) -> "LoopSettings":
         """The settings of runs that share their steps `now`, or do not."""

@@ -10,6 +10,7 @@ all steps of a run, and is small enough that the derivative of a short run is no
 filling and copying it.
 """
 
+import dataclasses
 import math
 import os
 from typing import NamedTuple, final
@@ -131,10 +132,12 @@ class RecordLayout(NamedTuple):
         return self.size - jnp.where(shared, n + width, (n + 1) * width)
 
 
-class Recording(NamedTuple):
+@final
+class Recording(eqx.Module):
     """A record that is being filled; it holds `count` states. `shared`: whether the runs share
     their steps."""
 
+    layout: RecordLayout = eqx.field(static=True)
     numbers: Float[Array, " numbers"]
     stride: Int[Array, ""]
     count: Int[Array, ""]
@@ -147,15 +150,14 @@ class Recording(NamedTuple):
         check_memory("the record of the steps for a derivative", layout.limit, step)
         zero = jnp.asarray(0)
         none = jnp.zeros((layout.size,), layout.dtype)
-        return cls(none, zero + 1, zero, jnp.asarray(shared))
+        return cls(layout, none, zero + 1, zero, jnp.asarray(shared))
 
-    def add(
-        self, layout: RecordLayout, n: Int[Array, ""], step: Array, y: State, taken: Bool[Array, ""]
-    ) -> "Recording":
+    def add(self, n: Int[Array, ""], step: Array, y: State, taken: Bool[Array, ""]) -> "Recording":
         """Append step number `n`, and the state `y` after it where one is due.
 
         A step that was not `taken` is written as well, and overwritten by the next one: a condition
         around the writing would copy the whole array."""
+        layout = self.layout
         flat = step.reshape(-1).astype(layout.dtype)
         if layout.rows < layout.limit:
             # A run that has failed or waits at its event is behind the others.
@@ -165,7 +167,7 @@ class Recording(NamedTuple):
         numbers = layout.put_state(numbers, self.count, y)
         due = taken & ((n + 1) & (self.stride - 1) == 0)
         count = self.count + due.astype(self.count.dtype)
-        added = self._replace(numbers=numbers, count=count)
+        added = dataclasses.replace(self, numbers=numbers, count=count)
         if layout.longest == 1:
             return added
 
@@ -174,19 +176,19 @@ class Recording(NamedTuple):
             free = left - (recording.count + 1) * layout.state_size
             return taken & (n + 1 < layout.limit) & (free < 0)
 
-        return jax.lax.while_loop(full, lambda recording: recording.thinned(layout), added)
+        return jax.lax.while_loop(full, Recording.thinned, added)
 
-    def thinned(self, layout: RecordLayout) -> "Recording":
+    def thinned(self) -> "Recording":
         """Drop every second state, the first one included, and double the stride."""
-        size = layout.state_size
-        half = layout.size // (2 * size)
+        size = self.layout.state_size
+        half = self.layout.size // (2 * size)
         count = self.count // 2
         moved = self.numbers[: 2 * half * size].reshape(half, 2, size)[:, 1].reshape(-1)
         # The steps at the other end of the array are left.
         is_state = jnp.arange(half * size) < count * size
         front = jnp.where(is_state, moved, self.numbers[: half * size])
         numbers = jax.lax.dynamic_update_slice_in_dim(self.numbers, front, 0, 0)
-        return Recording(numbers, 2 * self.stride, count, self.shared)
+        return Recording(self.layout, numbers, 2 * self.stride, count, self.shared)
 
 
 @final

@@ -22,7 +22,7 @@ from jaxtyping import Array, ArrayLike, PyTree
 from ..core import AbstractSystem
 from ..core.structure import once_per_structure, without_numbers
 from ..core.tracing import depending_on, is_traced
-from ..solvers.second_order import moved, parts_of
+from ..solvers.second_order import Parts
 from ._eccentric import is_eccentric, is_second_order_regularised
 from .methods import HIGH_ORDER, LOW_ORDER, REGULARISED, SECOND_ORDER, STIFF
 from .stiffness import InitialConditions, is_stiff
@@ -58,17 +58,16 @@ def is_second_order(system: AbstractSystem, y: PyTree) -> bool:
     """Whether the state consists of a position and a velocity only, and the acceleration is
     provably independent of the velocity."""
     # The methods for second-order systems take no other block, such as a mass or an attitude.
-    parts = parts_of(y)
+    parts = Parts.of(y)
     if parts is None:
         return False
-    shapes, rest = eqx.partition((system, y), lambda x: isinstance(x, jax.ShapeDtypeStruct))
+    shapes, rest = eqx.partition(system, lambda x: isinstance(x, jax.ShapeDtypeStruct))
 
     def rates(arrays: PyTree, r: Array, v: Array) -> tuple[PyTree, PyTree]:
-        system, y = eqx.combine(arrays, rest)
-        rate = system.vector_field(jnp.zeros((), r.dtype), moved(y, r, v))
-        return parts_of(rate) or (None, None)
+        rate = eqx.combine(arrays, rest).vector_field(jnp.zeros((), r.dtype), parts.state(r, v))
+        return parts.split(rate) if Parts.of(rate) else (None, None)
 
-    jaxpr = jax.make_jaxpr(rates)(shapes, *parts).jaxpr
+    jaxpr = jax.make_jaxpr(rates)(shapes, *parts.split(y)).jaxpr
     velocity = jaxpr.invars[-1]
     if len(jaxpr.outvars) != 2:
         return False

@@ -19,7 +19,8 @@ from ..core import AbstractDecoupled, AbstractSystem, InputError, Scalar, check
 from ..core.checks import is_concrete
 from ..solvers.protocol import carries_steps, refine, rolled_stages, solver_traits
 from ._selection import has_closed_form, select_method
-from .accuracy import DEFAULT_RTOL, Accuracy, as_method, least_tolerance, state_dtype
+from .accuracy import DEFAULT_RTOL, Accuracy, as_method, least_tolerance
+from .initial_state import state_dtype
 from .stiffness import InitialConditions
 
 # A fixed-step run that missed the tolerance is repeated with at most this many times the steps.

@@ -117,12 +117,9 @@ def _any_outside(
         shares = fractions.reshape(fractions.shape + (1,) * (t1.ndim + 1 - fractions.ndim))
         ts = t0 + shares * (t1 - t0)
 
-    def flag(t: Scalar, y: State) -> Flag | None:
-        return system.outside(t, y)
-
     states = jax.tree.map(jax.lax.stop_gradient, states)
     times_first = jax.tree.map(lambda x: jnp.moveaxis(x, x.ndim - 1 - run_axes, 0), states)
-    flags = jax.vmap(flag)(ts, times_first)
+    flags = jax.vmap(system.outside)(ts, times_first)
     return None if flags is None else jnp.any(flags, axis=0)
 
 
@@ -190,7 +187,8 @@ def _outcome(
     if traits.individual_steps:
         return solve_individual_steps(hoist(field, y0, traits.needs), y0, settings)
     # Where events are sought, `locates_events` has excluded closures over traced arrays.
-    seen = field if request.until else hoist(field, y0, traits.needs, settings.clock(y0).shape)
+    axes = 0 if settings.together else settings.tolerance.run_axes
+    seen = field if request.until else hoist(field, y0, traits.needs, axes)
     outcome = solve(seen, y0, settings)
     if request.fractions is None or landing:
         return outcome, None

@@ -31,6 +31,7 @@ from ..core.tables import breaks_of
 from ..solvers.vector_field import ScaledField, just_before
 from ._closures import closures_as_leaves
 from .field_trace import field_trace
+from .layout import runs_of
 
 
 @final
@@ -290,7 +291,7 @@ def hoist(
     field: ScaledVectorField,
     y0: State,
     needs: Literal["", "split", "regularised"],
-    runs: tuple[int, ...] = (),
+    run_axes: int = 0,
 ) -> ScaledField:
     """The field with all that it depends on as leaves, so that it can be differentiated.
 
@@ -298,11 +299,11 @@ def hoist(
 
     - `field`, `y0`: the field and a state of it.
     - `needs`: the capability by which the solver integrates: "split", "regularised" or "".
-    - `runs`: the shape of the normalised times at which it is evaluated.
+    - `run_axes`: number of axes of the normalised times at which it is evaluated.
 
     **Returns** the field itself if no function of it closes over traced arrays: it then preserves
     the layout of its parameters, which the batching of mapped runs reads."""
     if not field_trace(field.system, field.segments.t0, y0).closes_over_tracers:
         return field
-    s = jnp.zeros_like(field.segments.total, shape=runs)
+    s = jnp.zeros_like(field.segments.total, shape=runs_of(y0, run_axes))
     return closures_as_leaves(field, needs, s, y0)

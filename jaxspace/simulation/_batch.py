@@ -10,24 +10,23 @@ from jaxtyping import ArrayLike, Float, PyTree, Real
 from ..core import AbstractSystem, State
 from ..core.captured import captured_as_leaves
 from ..core.tracing import is_traced
-from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_tolerances
+from ..integration.accuracy import Accuracy, as_accuracy, check_tolerances
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
 from ..integration.exact_part import exact, with_exact_part
+from ..integration.initial_state import InitialState
 from ..integration.stiffness import InitialConditions
 from ._batch_runs import again_by, run_systems
 from ._final_error import FinalError
 from ._mission import check_system
 from ._to_final_error import to_final_error
-from ._warnings import warn_of_switches
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from .blocks import Blocks
 from .checks import (
     as_events,
     check_dense,
-    check_structure,
+    check_run,
     check_times,
-    check_values,
     hints_of_arguments,
 )
 from .finish import checked
@@ -82,9 +81,8 @@ def simulate_batch(
     `SimulationError`, if `throw`, for a failed run."""
     check_system("systems", systems, "simulate_mission_batch")
     systems = captured_as_leaves(systems)
-    # A state that is not finite fails only its own run.
-    y0s = as_state(y0s)
-    ts = check_times(ts, y0s, axes=2)
+    y0s, dtype = InitialState.of(y0s, batch=True)
+    ts = check_times(ts, dtype, axes=2)
     events = captured_as_leaves(as_events(events))
     check_dense(dense, events)
     batched, shared, runs = split_batch(systems, y0s, ts, in_axes, times_axes=1)
@@ -93,13 +91,8 @@ def simulate_batch(
         return to_final_error(simulate_batch, (systems, y0s, ts), accuracy, throw, options, (runs,))
     # As one system of all runs: the checks below trace it once, and not once for each run.
     whole = cut_batch(batched, shared)
-    # A shape is enough to trace a vector field, and has no number that would be computed.
-    start = jax.ShapeDtypeStruct(ts.shape[1:], ts.dtype)
-    shapes = check_structure(whole[0], whole[1], start, one_run=False, stacklevel=3)
     traced = is_traced((batched, shared))
-    if not traced:
-        check_values(whole[0], ts, whole[1])
-    warn_of_switches(whole[0], events, shapes, start, stacklevel=3)
+    check_run(whole[0], whole[1], ts, events, run_axes=1, traced=traced, stacklevel=3)
     # A traced status cannot decide which runs are repeated (below).
     accuracy = as_accuracy(accuracy)
     check_tolerances(accuracy, runs)

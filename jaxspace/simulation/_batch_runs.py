@@ -52,8 +52,8 @@ def run_systems(
         system: AbstractSystem, y0: State, ts: Array, configs: Configs, *events: Event
     ) -> Trajectory:
         # Checked here, where a condition first gets states with the axis of runs.
-        check_events(events, system, y0, ts[0], 1)
-        _check_runs(system, y0, ts[0], blocks.size)
+        shapes = _checked_runs(system, y0, ts[0], blocks.size)
+        check_events(events, system, shapes, ts[0], 1)
         return _every_run(run_system(system, y0, ts, events, configs[0], 1, dense))
 
     order = _order_of(batched, shared, config, blocks)
@@ -80,15 +80,17 @@ def run_missions(
     return in_blocks(run, batched, shared, configs, blocks)
 
 
-def _check_runs(system: AbstractSystem, y0: State, t: Array, runs: int) -> None:
-    """Raise `InputError` if the derivative has another number of runs than the block."""
+def _checked_runs(system: AbstractSystem, y0: State, t: Array, runs: int) -> PyTree:
+    """The shapes of the state, broadcast to the runs of the system. Raises `InputError` if they
+    have another number of runs than the block."""
     with _shared_arrays_named(system, runs):
-        shapes = jax.tree.leaves(eqx.filter_eval_shape(broadcast_state, system, t, y0))
-    if all(x.shape[-1:] == (runs,) for x in shapes):
-        return
+        shapes = eqx.filter_eval_shape(broadcast_state, system, t, y0)
+    first, *others = jax.tree.leaves(shapes)
+    if all(x.shape[-1:] == (runs,) for x in (first, *others)):
+        return shapes
     name = type(system).__name__
     raise InputError(
-        f"{name}.vector_field returns {shapes[0].shape} for {runs} runs: the batch axis must "
+        f"{name}.vector_field returns {first.shape} for {runs} runs: the batch axis must "
         f'be last, and a batched parameter must be annotated as such (Float[Array, "*#runs"]).'
     )
 

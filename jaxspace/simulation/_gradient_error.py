@@ -17,14 +17,8 @@ from ..core import InputError
 from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.tracing import is_traced
-from ..integration.accuracy import (
-    DEFAULT_RTOL,
-    Accuracy,
-    as_accuracy,
-    as_state,
-    least_tolerance,
-    state_dtype,
-)
+from ..integration.accuracy import DEFAULT_RTOL, Accuracy, as_accuracy, least_tolerance
+from ..integration.initial_state import as_state, state_dtype
 from ..solvers.protocol import solver_traits
 from ._to_final_error import LOOSEST_TOLERANCE
 

@@ -6,8 +6,9 @@ from ..core import InputError, State
 from ..core.captured import captured_as_leaves
 from ..core.checks import check_finite
 from ..core.tracing import is_traced
-from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_tolerances
+from ..integration.accuracy import Accuracy, as_accuracy, check_tolerances
 from ..integration.exact_part import exact
+from ..integration.initial_state import InitialState
 from ._batch_runs import again_by, run_missions
 from ._final_error import FinalError
 from ._mission import Mission, check_mission
@@ -53,9 +54,9 @@ def simulate_mission_batch(
     `SimulationError`, if `throw`, for a failed run."""
     check_mission("missions", missions, "simulate_batch")
     missions = captured_as_leaves(missions)
-    y0s = as_state(y0s)
+    y0s, dtype = InitialState.of(y0s, batch=True)
     check_num_saved(num_saved)
-    t0 = as_times("t0", t0, y0s, "one time, or one for each run, s")
+    t0 = as_times("t0", t0, dtype, "one time, or one for each run, s")
     check_finite("t0", t0)
     if t0.ndim > 1:
         raise InputError(

@@ -55,6 +55,8 @@ def _run_of_kind(
     integrator: Integrator, y0: State, ts: Array, events: tuple[Event, ...], dense: bool
 ) -> Trajectory:
     """The run by the way that its events ask for."""
+    if not events:
+        return _through(integrator, y0, ts, events, dense)
     system, config, run_axes = integrator
     asked = of_each_run(ts, runs_of(y0, run_axes))
     events = closures_of_events(events, asked[0], y0)

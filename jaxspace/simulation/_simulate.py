@@ -12,30 +12,22 @@ from ..core import AbstractSystem, InputError
 from ..core.captured import captured_as_leaves
 from ..core.status import Status
 from ..core.tracing import is_traced
-from ..integration.accuracy import (
-    Accuracy,
-    as_accuracy,
-    as_state,
-    check_initial_state,
-    check_tolerances,
-)
+from ..integration.accuracy import Accuracy, as_accuracy, check_tolerances
 from ..integration.config import resolve
 from ..integration.events import Event
 from ..integration.exact_part import exact, with_exact_part
+from ..integration.initial_state import InitialState
 from ..integration.result import DenseOutput
 from ..integration.stiffness import InitialConditions
 from ._final_error import FinalError
 from ._mission import check_system
 from ._runs import run_one_system
 from ._to_final_error import to_final_error
-from ._warnings import warn_of_switches
 from .checks import (
     as_events,
     check_dense,
-    check_events,
-    check_structure,
+    check_run,
     check_times,
-    check_values,
     hints_of_arguments,
 )
 from .failures import cause_of_leaving, cause_of_nan, enough_steps, place_of_failure
@@ -92,21 +84,15 @@ def simulate(
         options = {"events": events, "dense": dense}
         return to_final_error(simulate, (system, y0, ts), accuracy, throw, options)
     system = captured_as_leaves(system)
-    y0 = as_state(y0)
-    check_initial_state(y0)
+    events = captured_as_leaves(events)
     # All input checks are done here, before anything is compiled.
-    ts = check_times(ts, y0)
+    y0, dtype = InitialState.of(y0)
+    ts = check_times(ts, dtype)
     given = as_accuracy(accuracy)
     check_tolerances(given, None)
-    start = jax.ShapeDtypeStruct((), ts.dtype)
-    shapes = check_structure(system, y0, start, one_run=True, stacklevel=3)
     # Once for all that reads numbers, because to look through the arrays takes time.
     traced = is_traced((system, y0, ts, given))
-    if not traced:
-        check_values(system, ts, y0)
-    events = captured_as_leaves(events)
-    check_events(events, system, y0, start, 0)
-    warn_of_switches(system, events, shapes, start, stacklevel=3)
+    check_run(system, y0, ts, events, run_axes=0, traced=traced, stacklevel=3)
     check_dense(dense, events)
     # A function, because most choices of a method need no numbers, whose reading takes time.
     starts = None if traced else functools.partial(InitialConditions.of_one, system, y0, ts)

@@ -8,14 +8,9 @@ from ..core.checks import check_finite, is_concrete
 from ..core.jit import quick_jit
 from ..core.status import Status
 from ..core.tracing import is_traced
-from ..integration.accuracy import (
-    Accuracy,
-    as_accuracy,
-    as_state,
-    check_initial_state,
-    check_tolerances,
-)
+from ..integration.accuracy import Accuracy, as_accuracy, check_tolerances
 from ..integration.exact_part import exact
+from ..integration.initial_state import InitialState
 from ._final_error import FinalError
 from ._mission import Mission, check_mission
 from ._to_final_error import to_final_error
@@ -69,9 +64,8 @@ def simulate_mission(
         options = {"num_saved": num_saved}
         return to_final_error(simulate_mission, (mission, y0, t0), accuracy, throw, options)
     mission = captured_as_leaves(mission)
-    y0 = as_state(y0)
-    check_initial_state(y0)
-    t0 = as_times("t0", t0, y0, "one time, s")
+    y0, dtype = InitialState.of(y0)
+    t0 = as_times("t0", t0, dtype, "one time, s")
     check_finite("t0", t0)
     if t0.ndim != 0:
         raise InputError(

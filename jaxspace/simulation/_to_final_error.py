@@ -33,7 +33,8 @@ from ..core import AbstractSystem, InputError, Scalar
 from ..core.captured import captured_as_leaves
 from ..core.status import Status
 from ..core.tracing import is_traced
-from ..integration.accuracy import as_state, least_tolerance, state_dtype
+from ..integration.accuracy import least_tolerance
+from ..integration.initial_state import InitialState, state_dtype
 from ._final_error import FinalError, Measured, distance, rounding
 from .finish import checked
 from .mission_result import Result, Simulated
@@ -110,8 +111,7 @@ def to_final_error(
     - `verb`: one of the four; `run`: its system or mission, its initial state and its times.
     - `throw`, `options`: its further arguments.
     - `runs`: number of runs of a batch."""
-    y0 = as_state(run[1])
-    dtype = state_dtype(y0)
+    y0, dtype = InitialState.of(run[1], batch=bool(runs))
     if isinstance(run[0], AbstractSystem):
         # Before anything is compiled; the jumps of a mission may lead to other blocks.
         asked.check_blocks(y0)

@@ -34,16 +34,15 @@ class Follows(NamedTuple):
 NOTHING = Follows(False, False)
 
 
-def warn_of_kinks(jaxpr: Jaxpr, system: AbstractSystem, y0: PyTree, stacklevel: int) -> None:
+def warn_of_kinks(jaxpr: Jaxpr, system: AbstractSystem, states: int, stacklevel: int) -> None:
     """Warn of a traced vector field that interpolates in time, unless the system has breaks.
 
-    `jaxpr` has the arrays of the system, of the time and of the state as its arguments, in this
-    order."""
+    `jaxpr` has the arrays of the system, of the time and of the state, `states` of them, as its
+    arguments, in this order."""
     breaks = eqx.filter_eval_shape(breaks_of, system)
     # Who declares breaks knows the kinks.
     if breaks is not None and breaks.shape[0] > 0:
         return
-    states = len(jax.tree.leaves(eqx.filter(y0, lambda x: hasattr(x, "shape"))))
     given = [NOTHING] * (len(jaxpr.invars) - states - 1)
     given += [Follows(True, False)] + [Follows(False, True)] * states
     if _searches(jaxpr, given):

@@ -13,8 +13,8 @@ from ..core import InputError, State
 from ..core.layout import add_batch_axis, run_axes_of
 from ..core.structure import once_per_structure
 from ..core.tracing import is_traced
-from ..integration.accuracy import state_dtype
 from ..integration.config import IntegrationConfig
+from ..integration.initial_state import state_dtype
 from ..integration.mapping import BLOCK
 from .blocks import Blocks, NumRuns, Order
 
@@ -95,9 +95,8 @@ def split_batch(
 
     - `systems`, `y0s`, `in_axes`: as in `simulate_batch`.
     - `ts`: times with `times_axes` axes, and one more if they differ between runs."""
-    dtype = state_dtype(y0s)
-    if not isinstance(ts, jax.Array) or ts.dtype != dtype or ts.weak_type:
-        ts = jnp.asarray(ts, dtype)
+    if not isinstance(ts, jax.Array):
+        ts = jnp.asarray(ts, state_dtype(y0s))
     if in_axes is None:
         flags = _by_declaration(systems, y0s, ts.ndim > times_axes)
     else:

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, DTypeLike, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.checks import check_finite, is_concrete
@@ -18,11 +18,11 @@ from ..core.layout import run_axes_of
 from ..core.structure import once_per_structure
 from ..core.tracing import is_traced
 from ..core.user_functions import reason_of
-from ..integration.accuracy import Accuracy, state_dtype
+from ..integration.accuracy import Accuracy
 from ..integration.events import Event
 from ..integration.field_trace import field_trace
-from ..integration.layout import broadcast_state
-from ._warnings import warn_of_kinks
+from ..integration.layout import broadcast_state, runs_of
+from ._warnings import warn_of_kinks, warn_of_switches
 
 Verb = TypeVar("Verb", bound=Callable[..., Any])
 
@@ -57,11 +57,11 @@ def _hint(name: str, known: list[str]) -> str:
     return "." + (InputError.hint(name, known) or f" It has {', '.join(known)}.")
 
 
-def check_times(ts: object, y0: PyTree, axes: int = 1) -> Array:
-    """The save times in the precision of the state.
+def check_times(ts: object, dtype: DTypeLike, axes: int = 1) -> Array:
+    """The save times in the precision `dtype` of the state.
 
     Raises `InputError` unless they are finite and ascend or descend."""
-    ts = as_times("ts", ts, y0, "an array of times, s")
+    ts = as_times("ts", ts, dtype, "an array of times, s")
     if not 1 <= ts.ndim <= axes or ts.shape[0] < 2:
         allowed = "one axis of at least two times" if axes == 1 else "(times,) or (times, runs)"
         raise InputError(f"ts has the shape {ts.shape}: it must be {allowed}.")
@@ -76,10 +76,9 @@ def check_times(ts: object, y0: PyTree, axes: int = 1) -> Array:
     return ts
 
 
-def as_times(name: str, x: object, y0: State, allowed: str) -> Array:
-    """Times in the precision of the state. Raises `InputError`, which names the `allowed` values,
-    for anything but real numbers."""
-    dtype = state_dtype(y0)
+def as_times(name: str, x: object, dtype: DTypeLike, allowed: str) -> Array:
+    """Times in the precision `dtype` of the state. Raises `InputError`, which names the `allowed`
+    values, for anything but real numbers."""
     # Even a conversion that changes nothing would run a program.
     if isinstance(x, jax.Array) and x.dtype == dtype and not x.weak_type:
         return x
@@ -105,6 +104,38 @@ def check_num_saved(num_saved: int) -> None:
     """Raise `InputError` unless each phase saves a start and an end."""
     if not isinstance(num_saved, int) or not 2 <= num_saved <= 10**7:
         raise InputError(f"num_saved is {num_saved}: it must be a whole number from 2 to 1e7.")
+
+
+def check_run(
+    system: AbstractSystem,
+    y0: State,
+    ts: Array,
+    events: tuple[Event, ...],
+    *,
+    run_axes: int,
+    traced: bool,
+    stacklevel: int,
+) -> None:
+    """Check and warn of the initial state of a run, or of a batch, together with its system and its
+    events.
+
+    **Arguments**
+
+    - `y0`: of an `InitialState`; `ts`: save times, s.
+    - `traced`: whether any of the numbers are; then only shapes are checked.
+    - `stacklevel`: that of the caller, for the warnings.
+
+    **Raises** `InputError` as `check_structure`, `check_values` and `check_events` do; the
+    conditions of a batch are checked block by block."""
+    # A shape is enough to trace a vector field, and has no number that would be computed.
+    start = jax.ShapeDtypeStruct(ts.shape[1:], ts.dtype)
+    one_run = run_axes == 0
+    shapes = check_structure(system, y0, start, one_run=one_run, stacklevel=stacklevel + 1)
+    if not traced:
+        check_values(system, ts, y0)
+    if one_run:
+        check_events(events, system, shapes, start, 0)
+    warn_of_switches(system, events, shapes, start, stacklevel=stacklevel + 1)
 
 
 def check_values(system: AbstractSystem, ts: Array, y0: PyTree) -> None:
@@ -164,7 +195,8 @@ def check_structure(
         if jax.tree.structure(derivative) == jax.tree.structure(y0):
             whole = eqx.filter_eval_shape(broadcast_state, system, t, y0)
             # Three more: itself, and the two frames of `once_per_structure`.
-            warn_of_kinks(trace.jaxpr, system, y0, stacklevel=stacklevel + 3)
+            count = len(jax.tree.leaves(whole))
+            warn_of_kinks(trace.jaxpr, system, count, stacklevel=stacklevel + 3)
             return whole
     except InputError:
         raise
@@ -284,31 +316,30 @@ def check_jump(event: Event, t: Time, y: PyTree, name: str) -> None:
 def check_events(
     events: tuple[Event, ...],
     system: AbstractSystem,
-    y0: State,
+    y: State,
     t: Time,
     run_axes: int,
     name: str = "events[{}]",
 ) -> None:
     """Raise `InputError` for a condition that is not one number for each run.
 
-    `name` is that of an event, for the message, with a placeholder for its number."""
+    - `y`, `t`: a state that is broadcast to the runs of the `system`, and a time, or their shapes.
+    - `name`: that of an event, for the message, with a placeholder for its number."""
     if events:
         names = tuple(name.format(number) for number in range(len(events)))
-        _check_events(events, system, y0, t, run_axes, names)
+        _check_events(events, type(system).__name__, y, t, run_axes, names)
 
 
 @once_per_structure
 def _check_events(
     events: tuple[Event, ...],
-    system: AbstractSystem,
-    y0: PyTree,
+    system: str,
+    y: PyTree,
     t: Time,
     run_axes: int,
     names: tuple[str, ...],
 ) -> None:
-    y = eqx.filter_eval_shape(broadcast_state, system, t, y0)
-    leaf = jax.tree.leaves(y)[0]
-    runs = leaf.shape[leaf.ndim - run_axes :]
+    runs = runs_of(y, run_axes)
     # One time for each run, so that a condition of the time alone carries runs, too.
     t = jax.ShapeDtypeStruct(runs, t.dtype)
     for name, event in zip(names, events, strict=True):
@@ -318,8 +349,7 @@ def _check_events(
         # A condition may raise anything for a state of another kind; its words are quoted.
         except Exception as error:
             raise InputError(
-                f"{what} fails for the time and the state of {type(system).__name__}: "
-                f"{reason_of(error)}"
+                f"{what} fails for the time and the state of {system}: {reason_of(error)}"
             ) from error
         shape = getattr(value, "shape", type(value).__name__)
         if shape != runs:

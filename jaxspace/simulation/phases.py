@@ -6,11 +6,12 @@ from jaxtyping import PyTree
 
 from ..core import InputError, Scalar
 from ..core.structure import shape_of
-from ..integration.accuracy import Accuracy, state_dtype
+from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
 from ..integration.field_trace import field_trace
+from ..integration.initial_state import state_dtype
 from ..integration.programs import Runs, rolls_stages
 from ._mission import Mission, Phase
 from ._warnings import warn_of_switches

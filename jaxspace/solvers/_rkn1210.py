@@ -35,7 +35,7 @@ from . import tableaus as tableau
 from ._nystrom import RKN12, nystrom_step
 from .dense_output import AbstractDenseOutput
 from .protocol import AbstractFieldSolver, Advance, SolverTraits
-from .second_order import SecondOrder, Vectors, known_parts, moved, second_order
+from .second_order import Parts, SecondOrder, Vectors, second_order
 from .stages import Weights, weighted
 from .tolerances import Tolerance
 from .vector_field import StepField
@@ -115,8 +115,10 @@ class _HermiteOutput(AbstractDenseOutput):
         # Behind a barrier, because each component would compute the weights of its run again.
         weights, slopes = barrier(_hermite(x))
         q, dq_dx = (self._sum(rows.reshape(-1, *x.shape)) for rows in (weights, slopes))
-        r0, v0 = known_parts(self.y0)
-        return moved(self.y0, r0 + self.travel * (x * v0 + q), v0 + dq_dx)
+        parts = Parts.of(self.y0)
+        assert parts is not None
+        r0, v0 = parts.split(self.y0)
+        return parts.state(r0 + self.travel * (x * v0 + q), v0 + dq_dx)
 
     def _sum(self, weights: Float[Array, "12 *#runs"]) -> Vectors:
         """The sum of the coefficients with these weights; q_0 and q_0' are zero."""

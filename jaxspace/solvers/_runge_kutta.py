@@ -35,7 +35,7 @@ from ._nystrom import (
 from .dense_output import AbstractDenseOutput
 from .embedded_errors import EmbeddedErrors, whole_error
 from .protocol import AbstractFieldSolver, Advance, SolverTraits
-from .second_order import parts_of, second_order
+from .second_order import Parts, second_order
 from .stages import Weights, combine, dense_rows, stages, weighted_rows
 from .tolerances import Tolerance
 from .vector_field import StepField
@@ -178,7 +178,7 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
     ) -> Advance:
         del carried
         # With rolled stages the state may be packed into one vector.
-        if self.second_order and parts_of(y0) is not None:
+        if self.second_order and Parts.of(y0) is not None:
             return self._second_order(f, t0, t1, y0)
         h = t1 - t0
         c, a = tableau.DOP853_C, tableau.DOP853_A

@@ -37,7 +37,7 @@ from ._polynomials import integrals_of
 from ._stormer_steps import StepRecord, StormerSteps
 from .dense_output import AbstractDenseOutput
 from .protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTraits, check_steps
-from .second_order import Vectors, moved, second_order
+from .second_order import Parts, Vectors, second_order
 from .tolerances import Tolerance
 from .vector_field import StepField
 
@@ -76,7 +76,9 @@ class _InterpolatedAccelerations(AbstractDenseOutput):
         # The polynomial passes through both ends of the step: w is the mean velocity along it.
         mean = twice[1] - twice[0]
         change = h * (x * (w - mean) + twice[2] - twice[0])
-        return moved(self.y0, r + self.dt_ds * change, w + once[2] - mean)
+        parts = Parts.of(self.y0)
+        assert parts is not None
+        return parts.state(r + self.dt_ds * change, w + once[2] - mean)
 
 
 @final

@@ -27,59 +27,61 @@ Vectors = Float[Array, "..."]
 PARTS = ("position", "velocity")
 
 
-def _names(y: PyTree) -> list[str | None]:
-    """For each array of a state the name of the field or key whose value it is, or `None`."""
-    paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(y)[0]]
-    # A key of a dictionary, or a field of a module or of a named tuple.
-    return [
-        getattr(path[0], "name", getattr(path[0], "key", None)) if len(path) == 1 else None
-        for path in paths
-    ]
+class Parts(NamedTuple):
+    """Places of the two arrays of a state.
 
+    - `structure`: that of the state.
+    - `velocity_first`: whether its velocity precedes its position."""
 
-def parts_of(y: PyTree) -> tuple[PyTree, PyTree] | None:
-    """Position and velocity of a state, or of its shapes; `None` if one is absent, or if there is
-    anything else."""
-    named = dict(zip(_names(y), jax.tree.leaves(y), strict=True))
-    if len(jax.tree.leaves(y)) != 2 or set(named) != set(PARTS):
-        return None
-    return named["position"], named["velocity"]
+    structure: jax.tree_util.PyTreeDef
+    velocity_first: bool
 
+    @classmethod
+    def of(cls, y: PyTree) -> "Parts | None":
+        """The places in a state, or in its shapes; `None` if it has no position or no velocity, or
+        if there is anything else."""
+        leaves, structure = jax.tree_util.tree_flatten_with_path(y)
+        # A key of a dictionary, or a field of a module or of a named tuple.
+        names = tuple(
+            getattr(path[0], "name", getattr(path[0], "key", None)) if len(path) == 1 else None
+            for path, _ in leaves
+        )
+        if names not in (PARTS, PARTS[::-1]):
+            return None
+        return cls(structure, names != PARTS)
 
-def moved(y: State, position: Vectors, velocity: Vectors) -> State:
-    """The state `y`, of a kind accepted by `parts_of`, with another position and velocity."""
-    given = {"position": position, "velocity": velocity}
-    leaves = [given[str(name)] for name in _names(y)]
-    return jax.tree.unflatten(jax.tree.structure(y), leaves)
+    def split(self, y: PyTree) -> tuple[PyTree, PyTree]:
+        """Position and velocity of such a state, or of its rate."""
+        first, second = jax.tree.leaves(y)
+        return (second, first) if self.velocity_first else (first, second)
+
+    def state(self, position: Vectors, velocity: Vectors) -> State:
+        """The state of this position and velocity."""
+        pair = (velocity, position) if self.velocity_first else (position, velocity)
+        return jax.tree.unflatten(self.structure, pair)
 
 
 # Under `jit`, so that the seventeen or more stages of a step share one trace of the vector field.
 @quick_jit
-def _acceleration(terms: AbstractTerm, s: Scalar, r: Vectors, y: State, args: PyTree) -> Vectors:
-    _, v = known_parts(y)
-    return barrier(known_parts(terms.vf(s, moved(y, barrier(r), v), args))[1])
-
-
-def known_parts(y: State) -> tuple[Vectors, Vectors]:
-    """Position and velocity of a state, or of its rate, which must have them."""
-    parts = parts_of(y)
-    assert parts is not None
-    return parts
+def _acceleration(
+    terms: AbstractTerm, s: Scalar, r: Vectors, v: Vectors, args: PyTree, parts: Parts
+) -> Vectors:
+    return barrier(parts.split(terms.vf(s, parts.state(barrier(r), v), args))[1])
 
 
 class SecondOrder(NamedTuple):
     """A second-order system during one step.
 
     - `terms`, `args`: the vector field, as diffrax passes it to a step.
-    - `y0`: the state at the start of the step.
-    - `r`, `v`: its position and velocity.
+    - `parts`: places of position and velocity in a state.
+    - `r`, `v`: position and velocity at the start of the step.
     - `end`: the normalised time just before the end of the step.
     - `dt_ds`: the rate of the position for a velocity of ones.
     """
 
     terms: AbstractTerm
     args: PyTree
-    y0: State
+    parts: Parts
     r: Vectors
     v: Vectors
     end: Float[Array, ""]
@@ -87,7 +89,8 @@ class SecondOrder(NamedTuple):
 
     def acceleration(self, s: Float[Array, ""], r: Vectors) -> Vectors:
         """dv/ds at the position `r`, for the velocity at the start of the step."""
-        return _acceleration(self.terms, jnp.minimum(s, self.end), r, self.y0, self.args)
+        end = jnp.minimum(s, self.end)
+        return _acceleration(self.terms, end, r, self.v, self.args, self.parts)
 
     def position_rate(self, v: Vectors) -> Vectors:
         """dr/ds for the velocity `v`."""
@@ -95,18 +98,18 @@ class SecondOrder(NamedTuple):
 
     def state(self, r: Vectors, v: Vectors) -> State:
         """The state of position `r` and velocity `v`."""
-        return moved(self.y0, r, v)
+        return self.parts.state(r, v)
 
     def velocity_matters(self, run_axes: int | None) -> Bool[Array, "*runs"]:
         """Whether the acceleration of a run changes when its velocity is zero, for each run.
 
         Then no method for second-order systems applies to it. `run_axes`: number of trailing axes
         carry runs; `None` for all but the first, that of the components."""
-        y0, r, v = jax.lax.stop_gradient((self.y0, self.r, self.v))
+        r, v = jax.lax.stop_gradient((self.r, self.v))
         components = v.ndim - run_axes if run_axes is not None else min(v.ndim, 1)
 
         def a(v: Vectors) -> Vectors:
-            return known_parts(self.terms.vf(self.end, moved(y0, r, v), self.args))[1]
+            return self.parts.split(self.terms.vf(self.end, self.state(r, v), self.args))[1]
 
         if not _reads_argument(a, v):
             return jnp.zeros(v.shape[components:], bool)
@@ -139,17 +142,17 @@ def second_order(
 
     Raises `InputError`, which names the `solver`, unless the state consists of a position and a
     velocity."""
-    parts = parts_of(y0)
+    parts = Parts.of(y0)
     if parts is None:
         raise InputError(
             f"{solver} requires a state that consists of a position and a velocity: use DOP853() "
             "for this state."
         )
-    r, v = parts
+    r, v = parts.split(y0)
     end = just_before(t0, t1)
     # The rate of the position in normalised time, of each run, is that of the vector field.
-    dt_ds, _ = known_parts(terms.vf(end, moved(y0, r, jnp.ones_like(v)), args))
-    return SecondOrder(terms, args, y0, r, v, end, dt_ds)
+    dt_ds, _ = parts.split(terms.vf(end, parts.state(r, jnp.ones_like(v)), args))
+    return SecondOrder(terms, args, parts, r, v, end, dt_ds)
 
 
 def estimate_by_coarsening(

@@ -162,10 +162,9 @@ class StepController(eqx.Module):
         """The length of the first step (Hairer, Norsett, Wanner II.4)."""
         tol = self.tolerance
         scale = jax.tree.map(tol.length, y0)
-        d0 = tol.largest(y0, scale)
+        d0 = tol.worst(scale, scale)
 
-        def trial_length(f0: State) -> Float[Array, "*runs"]:
-            d1 = tol.largest(f0, scale)
+        def trial_length(d1: Float[Array, "*runs"]) -> Float[Array, "*runs"]:
             safe = jnp.where(d1 > 0.0, d1, 1.0)
             h0 = jnp.where((d0 < 1e-5) | (d1 < 1e-5), 1e-6, 0.01 * d0 / safe)
             # At rest, or in a segment of no length.
@@ -176,14 +175,15 @@ class StepController(eqx.Module):
         def evaluate(i: Array, before: tuple[Array, State, State]) -> tuple[Array, State, State]:
             h, _, k = before
             rate = f(h, jax.tree.map(lambda y, k: y + h.astype(y.dtype) * k, y0, k))
-            return jnp.where(i == 0, trial_length(rate), h), k, rate
+            d1 = tol.worst(jax.tree.map(tol.length, rate), scale)
+            return jnp.where(i == 0, trial_length(d1), h), k, rate
 
         # A loop, so that the program contains the vector field once: for the start, and for the end
         # of a step of Euler's method.
         still = jax.tree.map(jnp.zeros_like, y0)
         h0, f0, f1 = jax.lax.fori_loop(0, 2, evaluate, (jnp.zeros_like(s), still, still))
-        d1 = tol.largest(f0, scale)
-        d2 = tol.largest(jax.tree.map(jnp.subtract, f1, f0), scale) / h0
+        d1 = tol.worst(jax.tree.map(tol.length, f0), scale)
+        d2 = tol.worst(jax.tree.map(lambda a, b: tol.length(a - b), f1, f0), scale) / h0
         d = jnp.maximum(d1, d2)
         d = jnp.where(jnp.isfinite(d), d, 0.0)
         h1 = jnp.where(

@@ -81,26 +81,15 @@ class Tolerance(eqx.Module):
             return functools.reduce(pair, block)
         return whole(block, axis=tuple(range(block.ndim - self.run_axes)))
 
-    def largest(self, blocks: PyTree, scale: PyTree[Float[Array, "..."]]) -> Float[Array, "*runs"]:
-        """The largest length of the blocks in units of the tolerance, for each run.
-
-        `scale` contains the length of each block of the state."""
-
-        def ratio(b: Array | EmbeddedErrors, s: Array) -> Array:
-            return self.length(b) / (self.atol + self.rtol * s)
-
-        return self._worst_block(jax.tree.map(ratio, blocks, scale, is_leaf=is_in_parts))
-
     def worst(
         self, lengths: PyTree[Float[Array, "..."]], scale: PyTree[Float[Array, "..."]]
     ) -> Float[Array, "*runs"]:
-        """`largest` of blocks of which the `lengths` are known."""
-        return self._worst_block(
+        """The largest of the `lengths` of some blocks in units of the tolerance, for each run.
+
+        `scale` contains the length of each block of the state."""
+        leaves = jax.tree.leaves(
             jax.tree.map(lambda x, s: x / (self.atol + self.rtol * s), lengths, scale)
         )
-
-    def _worst_block(self, ratios: PyTree[Float[Array, "..."]]) -> Float[Array, "*runs"]:
-        leaves = jax.tree.leaves(ratios)
         if self.blocks:
             return jnp.max(leaves[0], axis=0)
         return functools.reduce(jnp.maximum, leaves)
@@ -113,7 +102,8 @@ class Tolerance(eqx.Module):
         - `y0`, `y1`: the states before and after the step.
         - `error`: the estimate of the error of `y1`, which may be in parts.
         """
-        e = self.largest(error, jax.tree.map(self._larger, y0, y1))
+        lengths = jax.tree.map(self.length, error, is_leaf=is_in_parts)
+        e = self.worst(lengths, jax.tree.map(self._larger, y0, y1))
         e = jnp.where(jnp.isfinite(e), e, jnp.inf)
         # Many operations read it, with each of which the compiler would compute it again.
         return barrier(e) if self.run_axes else e

@@ -15,7 +15,8 @@ from jaxtyping import ArrayLike, Float
 
 from ..core import InputError, Scalar, State
 from ..core.checks import check_positive
-from ..integration.accuracy import least_tolerance, state_dtype
+from ..integration.accuracy import least_tolerance
+from ..integration.initial_state import state_dtype
 from ._cost_case import Case
 from ._cost_methods import TOLERANCES, default_methods, methods_by_name, tolerances_of
 from ._cost_reference import reference_of

@@ -7,7 +7,8 @@ from jaxtyping import Array
 
 from ..core import InputError, State
 from ..integration import eligible_methods, select_method
-from ..integration.accuracy import least_tolerance, state_dtype
+from ..integration.accuracy import least_tolerance
+from ..integration.initial_state import state_dtype
 from ..integration.methods import HIGH_ORDER, LOW_ORDER
 from ..simulation import Mission
 from ..simulation.phases import resolve_phases

@@ -20,7 +20,8 @@ from ..core.checks import check_positive
 from ..core.declarations import Output
 from ..core.quantities import quantities
 from ..core.status import SimulationError, Status
-from ..integration.accuracy import DEFAULT_RTOL, Accuracy, as_accuracy, least_tolerance, state_dtype
+from ..integration.accuracy import DEFAULT_RTOL, Accuracy, as_accuracy, least_tolerance
+from ..integration.initial_state import state_dtype
 from ..solvers.protocol import refine, solver_traits
 from ._effect_choice import negligible, timed_run, verified
 from ._effect_rows import influence_of, shares_of

@@ -12,7 +12,8 @@ from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.checks import check_finite
-from ..integration.accuracy import Accuracy, as_state, check_initial_state, state_dtype
+from ..integration.accuracy import Accuracy
+from ..integration.initial_state import InitialState
 from ..simulation import Mission
 from ..simulation.checks import check_times
 from ..simulation.dispatch import simulate_any
@@ -72,12 +73,12 @@ def check_start(
     """Initial state and times as arrays.
 
     **Raises** `InputError` as `simulate` does, which cannot see them once they are traced."""
-    y0 = jax.tree.map(jnp.asarray, as_state(y0))
-    check_initial_state(y0)
+    y, dtype = InitialState.of(y0)
+    y = jax.tree.map(jnp.asarray, y)
     if not isinstance(system, Mission):
-        return y0, check_times(ts, y0)
+        return y, check_times(ts, dtype)
     check_finite("ts", ts)
-    return y0, jnp.asarray(ts, state_dtype(y0))
+    return y, jnp.asarray(ts, dtype)
 
 
 class Program(NamedTuple):

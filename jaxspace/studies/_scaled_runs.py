@@ -17,7 +17,8 @@ from jaxtyping import Array, PyTree
 
 from ..core import State
 from ..core.status import Status
-from ..integration.accuracy import Accuracy, state_dtype
+from ..integration.accuracy import Accuracy
+from ..integration.initial_state import state_dtype
 from ..simulation.mission_result import Simulated
 from ._runs import OutputOfRun, run_once, value_of
 from ._scene_effects import Runnable, scale_effects

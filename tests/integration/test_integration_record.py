@@ -40,7 +40,7 @@ def test_steps_and_states_are_found_again(monkeypatch, step, limit, dtype, fresh
 
     @jax.jit
     def added(recording, n, taken):
-        return recording.add(layout, n, step_of(n, step), state_after(n, like), taken)
+        return recording.add(n, step_of(n, step), state_after(n, like), taken)
 
     recording, n = Recording.empty(layout), 0
     rejected = np.random.default_rng(limit).random(4 * limit) < 0.3
@@ -76,10 +76,12 @@ def test_a_short_record_holds_more_steps_where_the_runs_share_them(
     layout = RecordLayout.of(like, jnp.zeros(3), 100, short=True)
     assert layout.rows == 5
     recording, steps = Recording.empty(layout, jnp.asarray(shared)), 100 if shared else layout.rows
-    add = jax.jit(lambda r, n, step, y: r.add(layout, n, step, y, jnp.array(True)))
+    add = jax.jit(lambda r, n, step, y: r.add(n, step, y, jnp.array(True)))
     for n in range(steps):
         recording = add(recording, n, step_of(n, jnp.zeros(3)), state_after(n, like))
-    record = Record(layout, *recording[:2], jnp.asarray(steps), shared=recording.shared)
+    record = Record(
+        layout, recording.numbers, recording.stride, jnp.asarray(steps), shared=recording.shared
+    )
     for n in range(steps):
         expected = step_of(n, jnp.zeros(3))
         expected = np.full(3, np.max(expected)) if shared else expected
@@ -96,7 +98,7 @@ def test_a_short_run_keeps_every_state():
     # All steps and the states of some sixty of them share less than 200 kB.
     assert layout.dtype.itemsize * layout.size <= _record.RECORD_BYTES
     recording = Recording.empty(layout)
-    add = jax.jit(lambda r, n: r.add(layout, n, n * 1.0, state_after(n, like), jnp.array(True)))
+    add = jax.jit(lambda r, n: r.add(n, n * 1.0, state_after(n, like), jnp.array(True)))
     for n in range(60):
         recording = add(recording, jnp.asarray(n))
     assert int(recording.stride) == 1 and int(recording.count) == 60
