@@ -76,7 +76,7 @@ def with_stored_steps(
     return integrator.at_times(y0, ts, dense=config.method != "closed_form")
 
 
-def restarts_of(
+def starts_of_parts(
     t0: float, y0: State, crossings: tuple[Crossings, ...]
 ) -> list[tuple[float, State]]:
     """Times, s, and states from which one run continues: its start, and its in-place jumps."""

@@ -18,7 +18,7 @@ from ..integration.events import Event, closures_of_events
 from ..integration.integrate import locates_events
 from ..integration.layout import broadcast_state, runs_of
 from ._integrator import Integrator, of_each_run
-from ._restarts import collected, restarts_between, states_between
+from ._jumps import collected, jumps_between, states_between
 from ._to_event import integrate_to_event, stopped_states, through_times_to_event
 from .masking import known_crossings, mask_invalid, nan_unless, scaled
 from .trajectory import Trajectory, without_events
@@ -61,7 +61,7 @@ def _run_of_kind(
     asked = of_each_run(ts, runs_of(y0, run_axes))
     events = closures_of_events(events, asked[0], y0)
     if any(event.then is not None for event in events):
-        return _with_restarts(integrator, y0, asked, events)
+        return _with_jumps(integrator, y0, asked, events)
     if any(event.terminal for event in events):
         # Events that are passed need samples of the whole run, and `dense` its steps: both come of
         # a run to the known end.
@@ -120,18 +120,18 @@ def _to_event(
     return dataclasses.replace(run, event=event, happened=happened)
 
 
-def _with_restarts(
+def _with_jumps(
     integrator: Integrator, y0: State, asked: Array, events: tuple[Event, ...]
 ) -> Trajectory:
     """A run that continues after the jumps of its events, through `asked`, (times, *runs)."""
     run_axes = integrator.run_axes
-    result = restarts_between(integrator, y0, asked[0], asked[-1], events)
+    result = jumps_between(integrator, y0, asked[0], asked[-1], events)
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(asked.dtype)
     stopped = (result.stopped_by >= 0) & (sign * asked >= sign * result.end)
     ts = jnp.where(stopped, result.end, asked)
     states, status, stats = states_between(integrator, y0, ts, result)
     states = stopped_states(stopped, result.final, states, run_axes)
-    # A run that failed may have had further events after its last restart.
+    # A run that failed may have had further events after its last jump.
     known = (result.status <= Status.EVENT) | (sign * asked <= sign * result.end)
     states = scaled(states, nan_unless(known))
     hit = (result.stopped_by >= 0) & (status == Status.COMPLETED)

@@ -278,7 +278,7 @@ def as_events(given: object) -> tuple[Event, ...]:
             "a separate run would end at its start."
         )
     collected = any(not event.terminal and event.then is None for event in events)
-    if collected and has_restarts(events):
+    if collected and has_jumps(events):
         raise InputError(
             "events contains both an event with a jump (then) and one that is only recorded: "
             "together with a jump, every event must be terminal or have a jump. Give the recorded "
@@ -287,14 +287,14 @@ def as_events(given: object) -> tuple[Event, ...]:
     return events
 
 
-def has_restarts(events: tuple[Event, ...]) -> bool:
+def has_jumps(events: tuple[Event, ...]) -> bool:
     """Whether one of the events jumps and the run continues."""
     return any(event.then is not None for event in events)
 
 
 def check_dense(dense: bool, events: tuple[Event, ...]) -> None:
     """Raise `InputError` for `dense=True` with events that jump in place."""
-    if dense and has_restarts(events):
+    if dense and has_jumps(events):
         raise InputError(
             "dense=True is not available with an event that jumps (then): such a run stores no "
             "steps, so the requested times must be among ts."

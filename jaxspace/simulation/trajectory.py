@@ -25,7 +25,7 @@ from ..integration.layout import state_at, times_first
 from ..integration.result import DenseOutput, IntegrationResult
 from ._dataset import dataset_of
 from ._integrator import of_each_run
-from ._rerun import final_state_again, last_finite, restarts_of, with_stored_steps
+from ._rerun import final_state_again, last_finite, starts_of_parts, with_stored_steps
 from ._summary import summary_of_run
 from .run_call import RunCall
 
@@ -222,7 +222,7 @@ class Trajectory(HashedModule):
             raise InputError("with_steps applies to a single run: use run.of(0) of a batch.")
         if self.has_steps:
             return (self,)
-        starts = restarts_of(float(self.ts[0]), self.initial, self.crossings)
+        starts = starts_of_parts(float(self.ts[0]), self.initial, self.crossings)
         ends = [t for t, _ in starts[1:]] + [float(self.ts[last_finite(self.states)])]
         parts = [(y, t0, t1) for (t0, y), t1 in zip(starts, ends, strict=True)]
         # Jumps at one time are parts without a duration.

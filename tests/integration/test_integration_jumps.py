@@ -113,7 +113,7 @@ def test_bounces_that_pile_up_are_kept():
 # bounces.
 @pytest.mark.sweep
 @pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
-def test_derivatives_pass_through_all_restarts(mode):
+def test_derivatives_pass_through_all_jumps(mode):
     """Of a height between bounces and of the time of the third one, against the closed form."""
 
     def found(x):

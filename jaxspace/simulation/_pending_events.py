@@ -22,8 +22,8 @@ from ..integration.events import Event
 from ..integration.simultaneous import Simultaneous, simultaneous_events
 
 
-class Instant(NamedTuple):
-    """The last time at which events of a run happened.
+class PendingEvents(NamedTuple):
+    """The events of the last time at which some of a run happened.
 
     - `events`: their conditions, before any of them acted; `waiting`: those that have yet to act.
     - `kept`: whether the conditions are what they were then, and `ahead`, whether the run leads
@@ -35,8 +35,8 @@ class Instant(NamedTuple):
     ahead: Bool[Array, "events *#runs"]
 
     @classmethod
-    def none_yet(cls, events: tuple[Event, ...], like: Float[Array, "*runs"]) -> "Instant":
-        """The one of runs that begin; `like`: a number of each run."""
+    def none_yet(cls, events: tuple[Event, ...], like: Float[Array, "*runs"]) -> "PendingEvents":
+        """None, for runs that begin; `like`: a number of each run."""
         zeros = jnp.zeros((len(events), *like.shape), like.dtype)
         no = jnp.zeros(zeros.shape, bool)
         return cls(Simultaneous(no, no, zeros, zeros, zeros), no, no, no)
@@ -54,16 +54,16 @@ class Instant(NamedTuple):
         start: tuple[Scalar, State],
         at: tuple[Scalar, State],
         run_axes: int,
-    ) -> "Instant":
-        """The instant of the events that were `found` by runs from their `start` on, time and
-        state; where some are waiting, or none was found, this one."""
+    ) -> "PendingEvents":
+        """The events that were `found` by runs from their `start` on, time and state; where some
+        are waiting, or none was found, the present ones."""
         known = self.start_known()
         new = simultaneous_events(system, events, found, start, at, run_axes, known)
         yes = jnp.ones(new.happened.shape, bool)
         taken = (found.which >= 0) & ~jnp.any(self.waiting, axis=0)
-        instant = Instant(new, new.happened, yes, yes)
+        pending = PendingEvents(new, new.happened, yes, yes)
         # A condition may have the precision of the time or of the state.
-        return jax.tree.map(lambda a, b: jnp.where(taken, a.astype(b.dtype), b), instant, self)
+        return jax.tree.map(lambda a, b: jnp.where(taken, a.astype(b.dtype), b), pending, self)
 
     def next_to_act(self, jumping: Bool[Array, "events *#runs"]) -> Int[Array, "*runs"]:
         """The number of the event that acts next, -1 for none: the first that is `jumping`, or else
@@ -80,8 +80,8 @@ class Instant(NamedTuple):
         events: tuple[Event, ...],
         t: Scalar,
         y: State,
-    ) -> "Instant":
-        """The instant after an event has `acted`, which left the state `y` at the time `t`, s."""
+    ) -> "PendingEvents":
+        """The events after one has `acted`, which left the state `y` at the time `t`, s."""
         # These numbers only decide what acts next; derivatives come from the corrections.
         arrays = jax.tree.map(jax.lax.stop_gradient, (t, y))
         kept, ahead = [], []
