@@ -51,7 +51,7 @@ class _RunBracket(NamedTuple):
     y: State
 
 
-class Place(NamedTuple):
+class ConditionValue(NamedTuple):
     """The function that is zero at the event at one time: its `value` and its rate, the `slope`;
     the state there and its rate, or `None` where the search is for a time alone."""
 
@@ -73,7 +73,7 @@ class ClosedIn(NamedTuple):
 
 
 @runtime_checkable
-class WithinSpan(Protocol):
+class ConditionOnSpan(Protocol):
     """The condition of an event as a function of time, or of normalised time."""
 
     @property
@@ -81,7 +81,7 @@ class WithinSpan(Protocol):
         """The event."""
         ...
 
-    def at(self, t: Scalar) -> Place:
+    def at(self, t: Scalar) -> ConditionValue:
         """The function that is zero at the event, at the time `t`."""
         ...
 
@@ -91,7 +91,7 @@ class WithinSpan(Protocol):
 
 
 def close_in(
-    within: WithinSpan,
+    on_span: ConditionOnSpan,
     span: tuple[Scalar, Scalar],
     g: tuple[Scalar, Scalar],
     slopes: tuple[Scalar, Scalar],
@@ -102,35 +102,35 @@ def close_in(
 
     **Arguments**
 
-    - `within`: the condition between them.
+    - `on_span`: the condition between them.
     - `span`: the times of the samples, `g` the condition there, and `slopes` its rates.
     - `sought`: the runs whose zero is sought.
     - `behind`: time after which the zero is sought, by default that of the first sample. If it is
       given, `g[0]` is the condition just after it."""
     t, end = span
     first = t if behind is None else behind
-    start = _first_bracket(within, (first, end), g, slopes, sought)
+    start = _first_bracket(on_span, (first, end), g, slopes, sought)
     forwards = jnp.sign(end - first)
     length = jnp.abs(end - first)
     # In a dip, the condition has the same sign at both ends. The first point of the opposite sign
     # splits the span into two parts with one zero each. The event is the first zero, unless its
     # direction admits only the second one, at which the condition returns to the sign of the ends.
-    back = jnp.sign(g[0]) * within.event.direction > 0.0
+    back = jnp.sign(g[0]) * on_span.event.direction > 0.0
     result = jax.lax.while_loop(
         lambda bracket: (bracket.left > 0) & jnp.any(bracket.moving),
-        lambda bracket: _closer(within, bracket, forwards, length, back),
+        lambda bracket: _closer(on_span, bracket, forwards, length, back),
         start,
     )
     met = ~result.dip
-    touch = within.event.touch
+    touch = on_span.event.touch
     if touch is not None:
-        met = met & (jnp.abs(within.condition(result.guess, result.y)) <= touch)
+        met = met & (jnp.abs(on_span.condition(result.guess, result.y)) <= touch)
     sure = ~result.moving & result.finite
     return ClosedIn(result.guess, result.y, met, sure, result.sign < 0.0)
 
 
 def _first_bracket(
-    within: WithinSpan,
+    on_span: ConditionOnSpan,
     span: tuple[Scalar, Scalar],
     g: tuple[Scalar, Scalar],
     slopes: tuple[Scalar, Scalar],
@@ -148,7 +148,7 @@ def _first_bracket(
     )
     share = jnp.where(jnp.isfinite(share), jnp.clip(share, 0.02, 0.98), 0.5)
     guess = first + share * (end - first)
-    there = jax.eval_shape(lambda t: within.at(t).y, guess)
+    there = jax.eval_shape(lambda t: on_span.at(t).y, guess)
     return _RunBracket(
         low=first,
         high=end,
@@ -165,7 +165,7 @@ def _first_bracket(
 
 
 def _closer(
-    within: WithinSpan,
+    on_span: ConditionOnSpan,
     old: _RunBracket,
     forwards: Scalar,
     length: Scalar,
@@ -178,7 +178,7 @@ def _closer(
     - `forwards`, `length`: the direction of the run, and the length of the span.
     - `back`: whether only the second zero of a dip counts."""
     guess = old.guess
-    value, slope, y, rate = within.at(guess)
+    value, slope, y, rate = on_span.at(guess)
     new = _narrowed(old, value, forwards * old.sign * slope, back)
     new, following = barrier((new, _next_guess(new, value, slope)))
     change = jnp.where(new.dip, jnp.abs(new.high - new.low), jnp.abs(following - guess))
@@ -254,8 +254,8 @@ def _next_guess(bracket: _RunBracket, value: Scalar, slope: Scalar) -> Scalar:
     newton = guess - value / jnp.where(slope == 0.0, 1.0, slope)
     # Newton's step is taken only within the bracket. A step from one end exactly to the other is
     # not, because it might lead back where the condition is of the size of rounding at both.
-    within = ((newton - low) * (newton - high) < 0.0) | (newton == guess)
-    inside = (slope != 0.0) & within & ~dip
+    bracketed = ((newton - low) * (newton - high) < 0.0) | (newton == guess)
+    inside = (slope != 0.0) & bracketed & ~dip
     share = jnp.where(dip, safe_divide(slopes[0], slopes[0] - slopes[1]), 0.5)
     # Away from both ends, so that the bracket shrinks by a tenth at least.
     return jnp.where(inside, newton, low + jnp.clip(share, 0.1, 0.9) * (high - low))

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ..core import AbstractSystem, Scalar, State
 from ..core.barrier import barrier
 from ..core.status import Status
-from ._event_bracket import Place, close_in
+from ._event_bracket import ConditionValue, close_in
 from ._in_turn import in_turn
 from .config import IntegrationConfig
 from .event_zero import (
@@ -71,13 +71,13 @@ class FromSample(NamedTuple):
         """The event."""
         return self.on_run.event
 
-    def at(self, t: Scalar) -> Place:
+    def at(self, t: Scalar) -> ConditionValue:
         """The function that is zero at the event, and its rate along the run."""
         system = self.on_run.system
         y = barrier(self.on_run.state(self.y, self.t, t))
         rate = system.vector_field(t, y)
         # Many operations read them, with each of which the compiler would evaluate them again.
-        return barrier(Place(*self.event.slope_along(system, t, y, rate), y, rate))
+        return barrier(ConditionValue(*self.event.slope_along(system, t, y, rate), y, rate))
 
     def condition(self, t: Scalar, y: State) -> Scalar:
         """The condition itself."""
@@ -174,9 +174,9 @@ def zeros_between(on_run: ConditionOnRun, samples: Samples, limit: int, rows: in
         last = pick(zeros.times, number, on_run.run_axes)
         start = jnp.where(zeros.again, last, t)
         value = jnp.where(zeros.again, -other, value)
-        within = FromSample(on_run, pick(samples.states, index, on_run.run_axes), t)
+        on_span = FromSample(on_run, pick(samples.states, index, on_run.run_axes), t)
         ends = (t, end), (value, other), (slope, last_slope)
-        zero = close_in(within, *ends, sought, start)
+        zero = close_in(on_span, *ends, sought, start)
         good = sought & zero.met & zero.sure
         unsure = sought & ~zero.sure
         row = jnp.where(good | unsure, zeros.count, rows)

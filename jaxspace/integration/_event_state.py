@@ -125,12 +125,12 @@ class EventState(NamedTuple):
         length = jnp.where(self.rests, 0.0, self.length)
         return jnp.where(self.waiting, self.start + length, jnp.inf)
 
-    def located(self, segments: Segments | StepTimes, t0: Scalar, t1: Scalar) -> "LocatedEvents":
+    def located(self, segments: Segments | StepTimes, t0: Scalar, t1: Scalar) -> "FirstEvent":
         """The events in the time of runs from `t0` to `t1`, s."""
         time = segments.time(self.start + self.length)
         failed = self.waiting & (self.status > Status.EVENT)
         hits = jnp.ones(self.sizes.shape, bool)
-        return LocatedEvents(
+        return FirstEvent(
             jnp.where(self.waiting, time, t1),
             self.which,
             jnp.where(failed, self.status, Status.COMPLETED).astype(jnp.int32),
@@ -138,8 +138,7 @@ class EventState(NamedTuple):
             hits & (self.which >= 0),
             self.sizes,
             self.y,
-            (segments.time(self.start), self.y0),
-            rests=self.rests,
+            (segments.time(self.start), self.y0, self.rests),
         )
 
     @classmethod
@@ -169,7 +168,7 @@ class EventState(NamedTuple):
         )
 
 
-class LocatedEvents(NamedTuple):
+class FirstEvent(NamedTuple):
     """The first event of each run.
 
     - `time`, `which`: its time, s, and its number; the end of the run and -1 where none happens.
@@ -178,9 +177,9 @@ class LocatedEvents(NamedTuple):
     - `hits`, `sizes`: of each event, whether it may happen together with the first one, and the
       largest value of its condition.
     - `state`: the state at its time, if the search has integrated to it.
-    - `step_start`: time, s, and state at which the step with the event begins, if steps were
-      searched, and `rests`: whether the derivatives are those of a run to this place; otherwise
-      `times` and `spacings`: of the first zero of each condition, and between its samples, s."""
+    - `step_start`: time, s, and state at which the step with the event begins, and whether the
+      derivatives are those of a run to this place, if steps were searched; otherwise `times` and
+      `spacings`: of the first zero of each condition, and between its samples, s."""
 
     time: Scalar
     which: Int[Array, "*runs"]
@@ -189,25 +188,23 @@ class LocatedEvents(NamedTuple):
     hits: Bool[Array, "events *#runs"]
     sizes: Float[Array, "events *#runs"]
     state: State | None = None
-    step_start: tuple[Scalar, State] | None = None
+    step_start: tuple[Scalar, State, Bool[Array, "*runs"]] | None = None
     times: Float[Array, "events *#runs"] | None = None
     spacings: Float[Array, "events *#runs"] | None = None
-    rests: Bool[Array, "*runs"] | None = None
 
     def differentiated(
         self, y: State, correct: Callable[[Scalar, State], tuple[Scalar, State]]
     ) -> tuple[Scalar, State]:
         """Time and state of the event with the derivatives of `correct(time, state)`, which adds
         those of the event to those of a run to a fixed time, whose last state is `y`."""
-        if self.step_start is None or self.rests is None:
+        if self.step_start is None:
             return correct(self.time, y)
         fixed = jax.lax.stop_gradient
 
         def moved(a: Array, b: Array) -> Array:
             return fixed(a) + (b - fixed(b))
 
-        t_start, y_start = self.step_start
-        rests = self.rests
+        t_start, y_start, rests = self.step_start
         t = jnp.where(rests, t_start, self.time)
         at = jax.tree.map(lambda a, b: jnp.where(rests, moved(a, b), b), y_start, y)
         time, state = correct(t, at)
@@ -228,7 +225,7 @@ class LocatedEvents(NamedTuple):
         )
 
 
-class SearchedStep(NamedTuple):
+class StepToSearch(NamedTuple):
     """A step of each run, and the part of the run that it passes, `width`.
 
     - `condition_of`: an event along it, in the time of a step from 0 to 1.
@@ -261,7 +258,7 @@ class _StepSearch(NamedTuple):
 def located(
     event_state: EventState,
     terminal: TerminalEvents,
-    step: SearchedStep,
+    step: StepToSearch,
     going: Bool[Array, "*runs"],
     moving: Bool[Array, "*runs"],
     first: Bool[Array, "*runs"],
@@ -307,7 +304,7 @@ def located(
 def _searched(
     event_state: EventState,
     terminal: TerminalEvents,
-    step: SearchedStep,
+    step: StepToSearch,
     going: Bool[Array, "*runs"],
     moving: Bool[Array, "*runs"],
     first: Bool[Array, "*runs"],

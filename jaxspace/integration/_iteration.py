@@ -14,7 +14,7 @@ from ..solvers.dense_output import AbstractDenseOutput
 from ..solvers.step_control import Following, of_segment
 from ..solvers.vector_field import ScaledField
 from ._buffers import Buffers
-from ._event_state import EventState, SearchedStep, located
+from ._event_state import EventState, StepToSearch, located
 from ._loop_settings import LoopSettings
 from ._loop_state import LoopState
 from ._sensitivity_control import SHORTER, SensitivityControl
@@ -191,7 +191,7 @@ def _located(
     def condition_of(event: Event) -> StepCondition:
         return StepCondition(event, segment, polynomial, moving.shape)
 
-    searched = SearchedStep(condition_of, begin.s, begin.length, begin.y0, step.y1, width)
+    searched = StepToSearch(condition_of, begin.s, begin.length, begin.y0, step.y1, width)
     first = loop.t == settings.start
     span = field.segments.t0, field.segments.total
     return located(event_state, terminal, searched, loop.going, moving, first, span)

@@ -76,17 +76,17 @@ class Crossings(HashedModule):
     def until(self, start: Scalar, duration: Scalar) -> "Crossings":
         """The zeros up to a `duration`, s, after the `start`, s, of each run."""
         # Times behind the last zero are NaN, and every comparison with NaN is false.
-        within = jnp.abs(self.ts - start) <= duration
+        reached = jnp.abs(self.ts - start) <= duration
 
         def leaf(x: Array) -> Array:
-            return jnp.where(within, x, jnp.nan)
+            return jnp.where(reached, x, jnp.nan)
 
         return Crossings(
             leaf(self.ts),
             jax.tree.map(leaf, self.states),
-            self.rising & within,
-            jnp.sum(within, axis=0).astype(self.count.dtype),
-            self.overflow & jnp.all(within, axis=0),
+            self.rising & reached,
+            jnp.sum(reached, axis=0).astype(self.count.dtype),
+            self.overflow & jnp.all(reached, axis=0),
             self.status,
             jax.tree.map(leaf, self.after),
         )

@@ -19,7 +19,7 @@ from ..core import AbstractSystem, Scalar, State
 from ..core.status import Status
 from ..solvers.tolerances import Tolerance
 from ._event_runs import ConditionOnRun, first_zero
-from ._event_state import EventState, LocatedEvents, SearchedStep, TerminalEvents, located
+from ._event_state import EventState, FirstEvent, StepToSearch, TerminalEvents, located
 from ._step_zero import FlowCondition
 from .config import IntegrationConfig
 from .events import Event
@@ -36,7 +36,7 @@ def first_event(
     config: IntegrationConfig,
     run_axes: int,
     start_known: Float[Array, "events *#runs"] | None = None,
-) -> LocatedEvents:
+) -> FirstEvent:
     """The first event of each run between `t0` and `t1`, s. Not differentiable.
 
     `start_known`, for a run that goes on after events: the known state of each condition at `t0`.
@@ -73,7 +73,7 @@ def first_event(
         earliest = jnp.where(sooner, zero.failed, earliest)
         failed = jnp.where(sooner, zero.failed, failed)
         status = jnp.where(sooner, zero.status, status)
-    return LocatedEvents(
+    return FirstEvent(
         when,
         which,
         status,
@@ -93,7 +93,7 @@ def _first_on_flow(
     events: tuple[Event, ...],
     run_axes: int,
     start_known: Array | None,
-) -> LocatedEvents:
+) -> FirstEvent:
     """`first_event` of a system in closed form, which is searched as a single step is."""
     finite = Tolerance(0.0, 0.0, run_axes)
     alive = finite.alive(y0)
@@ -109,7 +109,7 @@ def _first_on_flow(
 
     terminal = TerminalEvents.of(events, system, t0, y0, run_axes, start_known)
     none = EventState.none_yet(terminal, start, y0, finite)
-    step = SearchedStep(condition_of, start, length, y0, y0, length)
+    step = StepToSearch(condition_of, start, length, y0, y0, length)
     yes = jnp.ones(t0.shape, bool)
     event_state = located(none, terminal, step, yes, alive, yes, (t0, t1 - t0))
     return event_state.located(segment, t0, t1)._replace(state=None)

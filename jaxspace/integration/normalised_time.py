@@ -244,27 +244,27 @@ class PartOfField(eqx.Module):
     s: Float[Array, "*runs"]
     length: Float[Array, "*runs"]
 
-    def _within(self, x: Scalar) -> Scalar:
+    def _inside(self, x: Scalar) -> Scalar:
         # At the end of the step the next segment may begin, where time changes its unit.
         end = self.s + self.length
-        inside = jnp.minimum(self.s + x * self.length, just_before(self.s, end))
-        return jnp.where(self.length > 0.0, inside, self.s)
+        s = jnp.minimum(self.s + x * self.length, just_before(self.s, end))
+        return jnp.where(self.length > 0.0, s, self.s)
 
     def __call__(self, s: Scalar, y: State) -> State:
-        rate = self.field(self._within(s), y)
+        rate = self.field(self._inside(s), y)
         return jax.tree.map(lambda k: k * self.length.astype(k.dtype), rate)
 
     def time(self, s: Scalar) -> Scalar:
         """The time, s, at the time `s` of the step."""
-        return self.field.time(self._within(s))
+        return self.field.time(self._inside(s))
 
     def duration(self, s: Scalar, ds: Scalar) -> Scalar:
         """The duration, s, of a time `ds` of the step."""
-        return self.field.duration(self._within(s), ds * self.length)
+        return self.field.duration(self._inside(s), ds * self.length)
 
     def projected(self, s: Scalar, y: State) -> State:
         """Delegates to the field."""
-        return self.field.projected(self._within(s), y)
+        return self.field.projected(self._inside(s), y)
 
     def split(self) -> AbstractSplit:
         """Delegates to the field."""

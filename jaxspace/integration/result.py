@@ -12,7 +12,7 @@ from ..core.barrier import barrier
 from ..core.groups import project
 from ..core.status import Status, status_from
 from ..solvers.protocol import solver_traits
-from ._event_state import EventState, LocatedEvents
+from ._event_state import EventState, FirstEvent
 from ._individual_state import IndividualLoop
 from ._loop_settings import LoopSettings
 from ._loop_state import LoopState
@@ -129,7 +129,7 @@ class IntegrationResult(NamedTuple):
     status: Int[Array, "*runs"]
     stats: dict[str, Array]
     dense: DenseOutput | None
-    events: LocatedEvents | None = None
+    events: FirstEvent | None = None
 
 
 def within_model(result: IntegrationResult, outside: Flag | None) -> IntegrationResult:

@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.safe import safe_divide
-from .event_search import LocatedEvents, fixed
+from .event_search import FirstEvent, fixed
 from .event_zero import RESOLVED_ROUNDINGS, ROUNDINGS, rounding_change
 from .events import Event
 
@@ -51,7 +51,7 @@ class Simultaneous(NamedTuple):
 def simultaneous_events(
     system: AbstractSystem,
     events: tuple[Event, ...],
-    found: LocatedEvents,
+    found: FirstEvent,
     start: tuple[Scalar, State],
     at: tuple[Scalar, State],
     run_axes: int,
@@ -89,7 +89,7 @@ def simultaneous_events(
 def _just_passed(
     event: Event,
     system: AbstractSystem,
-    found: LocatedEvents,
+    found: FirstEvent,
     number: int,
     at: tuple[Scalar, State],
     ends: tuple[Scalar, Scalar],
@@ -102,7 +102,7 @@ def _just_passed(
     behind = jnp.abs(safe_divide(value, slope))
     leaving = value * slope > 0.0
     if found.step_start is not None:
-        start, y = found.step_start
+        start, y, _ = found.step_start
         before = event.value(system, start, y)
         return leaving & (before * value < 0.0) & (behind <= AGREEING * jnp.abs(t - start))
     assert found.times is not None and found.spacings is not None

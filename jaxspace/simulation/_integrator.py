@@ -10,7 +10,7 @@ from ..core import AbstractSystem, Scalar, State
 from ..core.safe import safe_divide
 from ..core.status import combine_status
 from ..integration.config import IntegrationConfig
-from ..integration.event_search import LocatedEvents, first_event
+from ..integration.event_search import FirstEvent, first_event
 from ..integration.events import Event
 from ..integration.integrate import integrate
 from ..integration.layout import (
@@ -49,7 +49,7 @@ class Integrator(NamedTuple):
         t1: Scalar,
         events: tuple[Event, ...],
         start_known: Array | None = None,
-    ) -> LocatedEvents:
+    ) -> FirstEvent:
         """`first_event` of these events."""
         arguments = self.system, y0, t0, t1, events, self.config, self.run_axes
         return first_event(*arguments, start_known)

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State
-from ..integration.event_search import LocatedEvents
+from ..integration.event_search import FirstEvent
 from ..integration.events import Event
 from ..integration.simultaneous import Simultaneous, simultaneous_events
 
@@ -50,7 +50,7 @@ class PendingEvents(NamedTuple):
         self,
         system: AbstractSystem,
         events: tuple[Event, ...],
-        found: LocatedEvents,
+        found: FirstEvent,
         start: tuple[Scalar, State],
         at: tuple[Scalar, State],
         run_axes: int,

@@ -13,7 +13,7 @@ from ..core.jit import quick_jit
 from ..core.status import Status, combine_status, time_unresolved
 from ..integration.config import IntegrationConfig
 from ..integration.crossings import crossings_between
-from ..integration.event_search import LocatedEvents
+from ..integration.event_search import FirstEvent
 from ..integration.events import Event, closures_of_events
 from ..integration.integrate import locates_events
 from ..integration.layout import broadcast_state, runs_of
@@ -101,7 +101,7 @@ def _to_event(
     numbers = [number for number, event in enumerate(events) if event.terminal]
     ending = tuple(events[number] for number in numbers)
 
-    def through(times: Array, found: LocatedEvents) -> Trajectory:
+    def through(times: Array, found: FirstEvent) -> Trajectory:
         run = _through(integrator, y0, times, passed, dense)
         # Where the search failed, the run might have ended there.
         crossings = tuple(

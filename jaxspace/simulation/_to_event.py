@@ -19,7 +19,7 @@ from ..core import Scalar, State
 from ..core.barrier import barrier
 from ..core.safe import safe_divide
 from ..core.status import Status, combine_status
-from ..integration.event_search import LocatedEvents
+from ..integration.event_search import FirstEvent
 from ..integration.events import Event, newton_correct
 from ..integration.layout import replace_state, runs_of, state_at, with_start
 from ..integration.simultaneous import simultaneous_events
@@ -49,7 +49,7 @@ def search_to_event(
     t0: Scalar,
     t1: Scalar,
     events: tuple[Event, ...],
-    run_until: Callable[[LocatedEvents], Trajectory],
+    run_until: Callable[[FirstEvent], Trajectory],
 ) -> Trajectory:
     """A run to the first of its events, by a search from `t0` to `t1`, s, (*runs,), and the run up
     to what was found, `run_until(found)`."""
@@ -67,7 +67,7 @@ def stopped_at_event(
     y0: State,
     run: Trajectory,
     events: tuple[Event, ...],
-    found: LocatedEvents,
+    found: FirstEvent,
     end: tuple[Scalar, State],
 ) -> Trajectory:
     """The run with its end at the event that was `found`: from then on its times and states are
@@ -153,7 +153,7 @@ def _integrate_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[Trajectory
         if ts.shape[0] == 2:
             return _integrate_to_event(integrator, y0, ts, events, differentiated=True)
 
-        def through(times: Array, found: LocatedEvents) -> Trajectory:
+        def through(times: Array, found: FirstEvent) -> Trajectory:
             del found
             return without_events(times, integrator.at_times(y0, times), integrator.run_axes)
 
@@ -171,7 +171,7 @@ def through_times_to_event(
     y0: State,
     ts: Array,
     events: tuple[Event, ...],
-    through: Callable[[Array, LocatedEvents], Trajectory],
+    through: Callable[[Array, FirstEvent], Trajectory],
 ) -> Trajectory:
     """`search_to_event` for save times `ts`, s, (times,) or (times, *runs).
 
@@ -181,7 +181,7 @@ def through_times_to_event(
     asked = of_each_run(ts, runs_of(y0, integrator.run_axes))
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(asked.dtype)
 
-    def run_until(found: LocatedEvents) -> Trajectory:
+    def run_until(found: FirstEvent) -> Trajectory:
         return through(sign * jnp.minimum(sign * asked, sign * found.time), found)
 
     return search_to_event(integrator, y0, asked[0], asked[-1], events, run_until)

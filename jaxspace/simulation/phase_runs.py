@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Float
 from ..core import Scalar, State
 from ..core.safe import safe_divide
 from ..core.status import Status, time_unresolved
-from ..integration.event_search import LocatedEvents
+from ..integration.event_search import FirstEvent
 from ..integration.events import Event, closures_of_events
 from ..integration.integrate import locates_events
 from ..integration.layout import (
@@ -159,7 +159,7 @@ def _search_and_run(
 ) -> Trajectory:
     """A phase up to an event, whose search is one integration, and whose states are another."""
 
-    def run_until(found: LocatedEvents) -> Trajectory:
+    def run_until(found: FirstEvent) -> Trajectory:
         run = _saved(integrator, y0, t0, found.time, num_saved)
         # To the last bit, by which it is the one of the event.
         return dataclasses.replace(run, ts=run.ts.at[-1].set(found.time))

@@ -75,7 +75,7 @@ class _NestedProducts(AbstractDenseOutput):
         return jax.tree.map(nested, self.y0, self.y1, self.k0, self.k1, *self.rest)
 
 
-def within_step(
+def dense_info_of(
     dense: bool,
     h: Array,
     ends: tuple[State, State],
@@ -195,8 +195,8 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
             last = stages(f, t0, h, y1, (1.0,), ((),), [])
             rest = tableau.DOP853_DENSE_C, tableau.DOP853_DENSE_A
             ks = stages(f, t0, h, y0, *rest, [*ks, *last])
-        within = within_step(self.dense, h, (y0, y1), ks, 12, tableau.DOP853_DENSE)
-        return Advance(y1, error, within)
+        dense_info = dense_info_of(self.dense, h, (y0, y1), ks, 12, tableau.DOP853_DENSE)
+        return Advance(y1, error, dense_info)
 
     def _error(self, sums: Callable[[Weights], State]) -> PyTree:
         """The estimate of the error, by the `sums` of the derivatives at the stages."""
@@ -277,7 +277,7 @@ class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
             ks = stages(f, t0, h, y0, tableau.TSIT5_C, tableau.TSIT5_A, [], rolled=True)
             y1 = barrier(combine(y0, h, tableau.TSIT5_B, ks))
             return Advance(
-                y1, combine(None, h, tableau.TSIT5_ERROR, ks), self._within(h, y0, y1, ks)
+                y1, combine(None, h, tableau.TSIT5_ERROR, ks), self._dense_info(h, y0, y1, ks)
             )
         # After a jump the last stage of the step before belongs to another vector field.
         jumped = jnp.asarray(f.made_jump)
@@ -290,8 +290,10 @@ class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
         y1 = barrier(f.projected(t1, combine(y0, h, tableau.TSIT5_B, ks)))
         ks = [*ks, *stages(f, t0, h, y1, tableau.TSIT5_C[-1:], ((),), [])]
         error = combine(None, h, tableau.TSIT5_ERROR, ks)
-        return Advance(y1, error, self._within(h, y0, y1, ks), carried=ks[-1], projected=True)
+        return Advance(y1, error, self._dense_info(h, y0, y1, ks), carried=ks[-1], projected=True)
 
-    def _within(self, h: Array, y0: State, y1: State, ks: list[State] | State) -> dict[str, object]:
+    def _dense_info(
+        self, h: Array, y0: State, y1: State, ks: list[State] | State
+    ) -> dict[str, object]:
         """The data of the dense output."""
-        return within_step(self.dense, h, (y0, y1), ks, 6, (tableau.TSIT5_DENSE,))
+        return dense_info_of(self.dense, h, (y0, y1), ks, 6, (tableau.TSIT5_DENSE,))

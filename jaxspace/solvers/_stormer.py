@@ -67,8 +67,8 @@ class _InterpolatedAccelerations(AbstractDenseOutput):
         h = h.astype(near.dtype)
         x = (x - j.astype(x.dtype)).astype(near.dtype)
         # Start and end of the step, and the requested time, from the middle of the nodes.
-        within = jnp.stack([jnp.zeros_like(x), jnp.ones_like(x), x])
-        places = within + (j - first).astype(near.dtype) - 0.5 * (k - 1)
+        positions = jnp.stack([jnp.zeros_like(x), jnp.ones_like(x), x])
+        places = positions + (j - first).astype(near.dtype) - 0.5 * (k - 1)
         powers = jnp.vander(places, k + 2, increasing=True)
         once, twice = h * jnp.tensordot(powers @ self.integrals, near, 1)
         r = self.record.r[j]

@@ -111,12 +111,12 @@ class FieldOfStep(eqx.Module):
     end: Float[Array, ""]
 
     def __call__(self, s: Scalar, y: State) -> State:
-        return self.field(self._within(s), y)
+        return self.field(self._inside(s), y)
 
     def time(self, s: Scalar) -> Scalar:
-        return self.field.time(self._within(s))
+        return self.field.time(self._inside(s))
 
-    def _within(self, s: Scalar) -> Scalar:
+    def _inside(self, s: Scalar) -> Scalar:
         # A stage at the end may miss it by some roundings.
         at_end = (s > self.latest) & (s - self.end <= self.end - self.latest)
         return jnp.where(at_end, self.latest, s)
