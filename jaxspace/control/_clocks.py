@@ -39,12 +39,12 @@ class Nodes(NamedTuple):
     - `times`: from the start of the loop, s, (nodes,), or (nodes, *runs) where breaks differ.
     - `ticks`: whether each clock ticks at each node but the last, (nodes - 1, clocks, *#runs).
     - `saved`: the numbers of the nodes at which states are saved, (saves, *#runs).
-    - `always`: for each clock whether it ticks at every node."""
+    - `at_every_node`: for each clock whether it ticks at every node."""
 
     times: Float[Array, "nodes *#runs"] | np.ndarray
     ticks: Array | np.ndarray
     saved: Array | np.ndarray
-    always: tuple[bool, ...]
+    at_every_node: tuple[bool, ...]
 
 
 def known_times(ts: object) -> np.ndarray:
@@ -109,10 +109,10 @@ def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) ->
     for k in range(len(clocks)):
         ticks[index[ends[k] : ends[k + 1]], k] = True
     # A clock that ticks at every node needs no selection in the program.
-    always = tuple(bool(np.all(ticks[:-1, k])) for k in range(len(clocks)))
+    at_every_node = tuple(bool(np.all(ticks[:-1, k])) for k in range(len(clocks)))
     saved = index[: ends[0]]
     if breaks is None or known:
-        return Nodes(times, ticks[:-1], saved, always)
+        return Nodes(times, ticks[:-1], saved, at_every_node)
     return _with_breaks(times, ticks, saved, breaks)
 
 
@@ -146,7 +146,7 @@ def stopped_at(nodes: Nodes, end: Array, slack: float) -> Nodes:
     times = times.reshape(*times.shape, *(1,) * (end.ndim - times.ndim + 1))
     ticks = ticks.reshape(*ticks.shape, *(1,) * (times.ndim - ticks.ndim + 1))
     before = times[:-1] < end - slack
-    never = (False,) * len(nodes.always)
+    never = (False,) * len(nodes.at_every_node)
     return Nodes(jnp.minimum(times, end), ticks & before[:, None], nodes.saved, never)
 
 

@@ -85,7 +85,7 @@ def run_samples(
 
     def one(state: LoopState, at: tuple[Array, Array, Array]) -> tuple[LoopState, tuple]:
         since, span, ticks = at
-        return _iteration(parts, state, start + since, span, ticks, nodes.always, keys)
+        return _iteration(parts, state, start + since, span, ticks, nodes.at_every_node, keys)
 
     xs = (times[:-1], spans, ticks)
     # Checkpointed, so that reverse mode stores one state for each iteration, and not every stage.
@@ -173,14 +173,14 @@ def _iteration(
     t: Array,
     span: Array,
     ticks: Array,
-    always: tuple[bool, ...],
+    at_every_node: tuple[bool, ...],
     keys: Keys | None,
 ) -> tuple[LoopState, tuple]:
     """One iteration: readings and commands at the node at `t`, and the motion over `span`, s, after
     it."""
-    p = _sensed(parts, p, t, ticks, always, keys)
-    p = _decided(parts, p, t, ticks[CONTROL], always[CONTROL])
-    p = _arrived(parts, p, ticks[ARRIVAL], always[ARRIVAL])
+    p = _sensed(parts, p, t, ticks, at_every_node, keys)
+    p = _decided(parts, p, t, ticks[CONTROL], at_every_node[CONTROL])
+    p = _arrived(parts, p, ticks[ARRIVAL], at_every_node[ARRIVAL])
     # Behind a barrier: otherwise the compiler repeats the whole controller in every stage.
     p = barrier(p)
     held = ZeroOrderHold(parts.system, parts.actuate, p.command, p.slope, t, parts.limit)
@@ -202,7 +202,7 @@ def _sensed(
     p: LoopState,
     t: Array,
     ticks: Array,
-    always: tuple[bool, ...],
+    at_every_node: tuple[bool, ...],
     keys: Keys | None,
 ) -> LoopState:
     readings = dict(p.readings)
@@ -211,7 +211,7 @@ def _sensed(
     for number, name in enumerate(parts.sensors or {}):
         tick = ticks[2 + number]
         new = _read(parts, name, number, t, p.y, p.drifts, p.counts, keys)
-        if not always[2 + number]:
+        if not at_every_node[2 + number]:
             new = select(tick, new, (p.readings[name], p.drifts[name]))
         readings[name], drifts[name] = new
         # Runs with different breaks read at different nodes; they share one count, which
@@ -220,7 +220,9 @@ def _sensed(
     return p._replace(readings=readings, drifts=drifts, counts=counts)
 
 
-def _decided(parts: LoopParts, p: LoopState, t: Array, tick: Array, always: bool) -> LoopState:
+def _decided(
+    parts: LoopParts, p: LoopState, t: Array, tick: Array, at_every_node: bool
+) -> LoopState:
     """The carry after the controller has acted, where its clock ticks."""
 
     def act(p: LoopState) -> LoopState:
@@ -238,7 +240,7 @@ def _decided(parts: LoopParts, p: LoopState, t: Array, tick: Array, always: bool
         queue = (*p.queue[1:], applied)
         return p._replace(memory=memory, queue=queue, bad=p.bad | (running & ~finite))
 
-    if always:
+    if at_every_node:
         return act(p)
     # All runs share the clock, so that the controller costs nothing where it does not tick.
     if tick.ndim == 0:
@@ -248,7 +250,7 @@ def _decided(parts: LoopParts, p: LoopState, t: Array, tick: Array, always: bool
     return p._replace(**{n: select(tick, getattr(acted, n), getattr(p, n)) for n in names})
 
 
-def _arrived(parts: LoopParts, p: LoopState, tick: Array, always: bool) -> LoopState:
+def _arrived(parts: LoopParts, p: LoopState, tick: Array, at_every_node: bool) -> LoopState:
     """The carry after the arrival of a command at the actuators, where the clock of arrivals
     ticks."""
     command, slope = p.queue[0], p.slope
@@ -256,6 +258,6 @@ def _arrived(parts: LoopParts, p: LoopState, tick: Array, always: bool) -> LoopS
         # The first command has no predecessor, and thus no slope.
         share = jnp.where(p.fresh, 0.0, 1.0 / parts.period)
         slope = jax.tree.map(lambda u, old: share.astype(u.dtype) * (u - old), command, p.command)
-    if not always:
+    if not at_every_node:
         command, slope = select(tick, (command, slope), (p.command, p.slope))
     return p._replace(command=command, slope=slope, fresh=p.fresh & ~jnp.any(tick))
