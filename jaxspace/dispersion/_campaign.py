@@ -81,8 +81,8 @@ class Campaign(AbstractCampaign):
       limit, as a pair or a `Requirement`, which may allow a share of violations; statistics and
       reports count violations and give a verdict.
     - `design`: sampling design of the runs (`LatinHypercube`, `Sobol`); random by default.
-    - `along`: number of states of each phase that `outputs` reads, evenly spaced from its start to
-      its end; by default the two ends. `greatest` and `least` require more.
+    - `num_saved`: number of states of each phase that `outputs` reads, evenly spaced from its start
+      to its end; by default the two ends. `greatest` and `least` require more.
     - `files`: texts of the files that the description names, by name, for the record.
     - `modules`: texts of the Python files (`core.run_module`) whose classes and functions the
       campaign uses, by name: workers run them, and the record has them with their hashes.
@@ -107,7 +107,7 @@ class Campaign(AbstractCampaign):
     requirements: tuple[tuple[str, Limits], ...] = eqx.field(
         static=True, converter=_as_pairs, default=()
     )
-    along: int = eqx.field(static=True, default=2)
+    num_saved: int = eqx.field(static=True, default=2)
     files: tuple[tuple[str, str], ...] = eqx.field(static=True, converter=_as_pairs, default=())
     accuracy: Accuracy | ByPurpose | None = eqx.field(converter=_as_optional_accuracy, default=None)
     modules: tuple[tuple[str, str], ...] = eqx.field(static=True, converter=_as_pairs, default=())
@@ -130,8 +130,8 @@ class Campaign(AbstractCampaign):
         for name, limits in self.requirements:
             requirement_of(limits).check(f"Campaign.requirements[{name!r}]")
         check_finite("Campaign.start", self.start)
-        if self.along < 2:
-            raise InputError(f"Campaign.along is {self.along}: it must be 2 or more.")
+        if self.num_saved < 2:
+            raise InputError(f"Campaign.num_saved is {self.num_saved}: it must be 2 or more.")
 
     def accuracy_for(self, given: CampaignAccuracy) -> Accuracy:
         """The accuracy of a call: the one `given`, or else that of the campaign; by purpose without

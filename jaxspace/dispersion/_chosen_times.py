@@ -45,7 +45,7 @@ def choose_times(
     last = {}
     for leg in legs_of(mission)[0]:
         before = _Left(left, first, True) if leg.after is None else ends[leg.after]
-        chosen, after = _chosen_in(leg.phase, before, campaign.along)
+        chosen, after = _chosen_in(leg.phase, before, campaign.num_saved)
         result.append(chosen)
         ends.append(after)
         last[leg.line] = after
@@ -72,7 +72,7 @@ class _Left(NamedTuple):
 
 
 def _chosen_in(
-    phase: Phase, before: _Left, along: int
+    phase: Phase, before: _Left, num_saved: int
 ) -> tuple[ChosenTimes | MissionTimes | None, _Left]:
     """The places in a phase at which states are saved, and the remaining times."""
     left, start, known = before
@@ -88,7 +88,7 @@ def _chosen_in(
         # A sum of durations matches the start to rounding only.
         near = np.abs(left - start) <= ROUNDING * (1.0 + abs(start))
         times = jnp.asarray(np.where(near, start, left))
-        return MissionTimes(times, along), before._replace(known=False)
+        return MissionTimes(times, num_saved), before._replace(known=False)
     duration = float(phase.until)
     # The state of a phase of no length is that of the phase before, which has its time.
     if not duration:
@@ -96,7 +96,7 @@ def _chosen_in(
     places = (left - start) / duration
     rounding = ROUNDING * (1.0 + abs(start / duration))
     here = (places >= -rounding) & (places <= 1.0 + rounding)
-    chosen = _saved(np.clip(places[here], 0.0, 1.0), along) if here.any() else None
+    chosen = _saved(np.clip(places[here], 0.0, 1.0), num_saved) if here.any() else None
     return chosen, _Left(left[~here], start + duration, known)
 
 
@@ -145,11 +145,11 @@ def _check_left(
         )
 
 
-def _saved(places: np.ndarray, along: int) -> ChosenTimes:
+def _saved(places: np.ndarray, num_saved: int) -> ChosenTimes:
     places = np.unique(places)
     # The outputs read states at equal distances, and the store keeps the chosen ones: one run saves
     # both.
-    even = np.linspace(0.0, 1.0, along)
+    even = np.linspace(0.0, 1.0, num_saved)
     fractions = np.union1d(places, even)
     outputs, kept = (jnp.asarray(np.searchsorted(fractions, x)) for x in (even, places))
     return ChosenTimes(jnp.asarray(fractions), outputs, kept)

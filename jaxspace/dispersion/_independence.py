@@ -58,7 +58,7 @@ def check_outputs(
         result = _first_runs(campaign, accuracy, draw(used).used)
         return jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, result)
 
-    check_apart(campaign.outputs, campaign.along, isolate(runs, CHECKED))
+    check_apart(campaign.outputs, campaign.num_saved, isolate(runs, CHECKED))
 
 
 @jit_quickly
@@ -83,8 +83,9 @@ def outputs_to_check(function: OutputFunction) -> OutputFunction | None:
     return None if module.partition(".")[0] == __name__.partition(".")[0] else outputs
 
 
-def check_apart(function: OutputFunction, along: int, first: FirstRuns) -> None:
-    """Check that the outputs of a run, of `along` states of each phase, depend on that run only.
+def check_apart(function: OutputFunction, num_saved: int, first: FirstRuns) -> None:
+    """Check that the outputs of a run, of `num_saved` states of each phase, depend on that run
+    only.
 
     The outputs of the `first` runs are computed again with copies of one run in place of all: each
     row must equal that of the run among the others. Outputs of the library are exempt
@@ -101,17 +102,17 @@ def check_apart(function: OutputFunction, along: int, first: FirstRuns) -> None:
     def compute(used: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         # A run that raises an error is computed with the nominal inputs.
         rows = np.where(used, np.arange(count), 0)
-        return rows, _numbers(_at(unknown, along, first, rows))
+        return rows, _numbers(_at(unknown, num_saved, first, rows))
 
     try:
         rows, among = isolate(compute, count)
     except SimulationError as error:
-        nominal = compiled(_taken)(first, np.zeros(count, int), along)
+        nominal = compiled(_taken)(first, np.zeros(count, int), num_saved)
         raise raised("The nominal run", unknown, *nominal, error) from error
     used = (rows == np.arange(count)) & (status <= Status.EVENT)
     # Two runs: the greatest of all runs, as an output, equals that of one of them.
     for row in [*(np.flatnonzero(used[1:])[:1] + 1).tolist(), 0]:
-        alone = _numbers(_at(unknown, along, first, np.full(count, row)))
+        alone = _numbers(_at(unknown, num_saved, first, np.full(count, row)))
         for name, x in alone.items():
             here = among[name][row].item()
             other = ~_same(x, here, among[name])
@@ -149,33 +150,33 @@ def _numbers(outputs: Mapping[str, Array]) -> dict[str, np.ndarray]:
 @jit_quickly
 def _at(
     function: OutputFunction,
-    along: int,
+    num_saved: int,
     first: FirstRuns,
     rows: Rows,
 ) -> dict[str, Array]:
     """The outputs of the runs of these rows."""
-    return outputs_of(function, *_taken(first, rows, along))
+    return outputs_of(function, *_taken(first, rows, num_saved))
 
 
-def _taken(first: FirstRuns, rows: Rows, along: int) -> FirstRuns:
-    """The runs of these rows, with `along` states of each phase."""
+def _taken(first: FirstRuns, rows: Rows, num_saved: int) -> FirstRuns:
+    """The runs of these rows, with `num_saved` states of each phase."""
     count = rows.shape[0]
 
     def taken(x: PyTree) -> PyTree:
         # The runs are last; shared arrays have no such axis.
         return x[..., rows] if eqx.is_array(x) and x.shape[-1:] == (count,) else x
 
-    phases = tuple(_filled(phase, along) for phase in first.result.phases)
+    phases = tuple(_filled(phase, num_saved) for phase in first.result.phases)
     result = dataclasses.replace(first.result, phases=phases)
     return jax.tree.map(taken, first._replace(result=result))
 
 
-def _filled(phase: Trajectory, along: int) -> Trajectory:
-    """A phase with `along` states, on a straight line from its start to its end.
+def _filled(phase: Trajectory, num_saved: int) -> Trajectory:
+    """A phase with `num_saved` states, on a straight line from its start to its end.
 
     This is not the motion, but has the same shapes, which is enough to see which runs an output
     reads."""
-    share = np.linspace(0.0, 1.0, along)[:, None]
+    share = np.linspace(0.0, 1.0, num_saved)[:, None]
 
     def line(x: Array) -> Array:
         first, last = x[..., :1, :], x[..., -1:, :]

@@ -38,7 +38,7 @@ class AbstractCampaign(HashedModule):
     limits: eqx.AbstractVar[tuple[tuple[str, Quantity], ...]]
     design: eqx.AbstractVar[AbstractDesign | None]
     requirements: eqx.AbstractVar[tuple[tuple[str, Limits], ...]]
-    along: eqx.AbstractVar[int]
+    num_saved: eqx.AbstractVar[int]
 
     @abstractmethod
     def nominal(self, runs: int = 1) -> dict[str, Float[Array, " runs"]]:

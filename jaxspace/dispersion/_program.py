@@ -122,7 +122,7 @@ def _block(
     not_run: Integer[Array, " runs"],
     rolled: bool,
 ) -> RunResults:
-    saved = saved_of(campaign.along, samples)
+    saved = saved_of(campaign.num_saved, samples)
     result, _ = run_inputs(campaign, accuracy, inputs, saved, rolled=rolled, shared_program=True)
     outputs = outputs_of(campaign.outputs, for_outputs(result, samples), inputs)
     # A rejected run has been computed with the others: its status marks it.
@@ -132,7 +132,7 @@ def _block(
     def every(x: Array) -> Array:
         return jnp.broadcast_to(x, not_run.shape)
 
-    stored = for_store(result, campaign.along, samples)
+    stored = for_store(result, campaign.num_saved, samples)
     kept = trajectories(result.names, stored, not_run.shape)
     outputs, kept = nan_where_failed((outputs, kept), status)
     return RunResults({}, outputs, every(status), every(evaluations), kept)

@@ -22,7 +22,7 @@ class ChosenTimes(NamedTuple):
     - `kept`: indices of the requested ones."""
 
     fractions: Float[Array, " times"]
-    outputs: Int[Array, " along"]
+    outputs: Int[Array, " num_saved"]
     kept: Int[Array, " chosen"]
 
 
@@ -30,23 +30,23 @@ StatesToStore: TypeAlias = int | tuple[ChosenTimes | MissionTimes | None, ...]
 """Number of states to store of each phase, evenly from its start to its end; or their places."""
 
 
-def saved_states(along: int, kept: int) -> tuple[int, int]:
+def saved_states(num_saved: int, kept: int) -> tuple[int, int]:
     """Number of states of a phase to save, and n, of which every n-th one goes into the store.
 
-    The number is at least `along`, and `kept` of the states are stored."""
+    The number is at least `num_saved`, and `kept` of the states are stored."""
     if kept < 2:
-        return along, 1
+        return num_saved, 1
     # Rounded up: no fewer states than the outputs need, and both ends of a phase among the stored.
-    every_nth = -(-(along - 1) // (kept - 1))
+    every_nth = -(-(num_saved - 1) // (kept - 1))
     return every_nth * (kept - 1) + 1, every_nth
 
 
-def saved_of(along: int, kept: StatesToStore) -> int | list[SaveTimes]:
+def saved_of(num_saved: int, kept: StatesToStore) -> int | list[SaveTimes]:
     """The save times of each phase, for `run_mission`."""
     if isinstance(kept, int):
-        return saved_states(along, kept)[0]
+        return saved_states(num_saved, kept)[0]
     fractions = [c.fractions if isinstance(c, ChosenTimes) else c for c in kept]
-    return [along if x is None else x for x in fractions]
+    return [num_saved if x is None else x for x in fractions]
 
 
 def for_outputs(result: MissionTrajectory, kept: StatesToStore) -> MissionTrajectory:
@@ -68,11 +68,11 @@ def _even(phase: Trajectory, chosen: ChosenTimes | MissionTimes | None) -> Traje
 
 
 def for_store(
-    result: MissionTrajectory, along: int, kept: StatesToStore
+    result: MissionTrajectory, num_saved: int, kept: StatesToStore
 ) -> Sequence[Trajectory | None]:
     """States of each phase that go into the store; `None` where there are none."""
     if isinstance(kept, int):
-        return list(thinned(result, saved_states(along, kept)[1]).phases) if kept else []
+        return list(thinned(result, saved_states(num_saved, kept)[1]).phases) if kept else []
     pairs = enumerate(zip(result.phases, kept, strict=True))
     return [_chosen(phase, chosen, number == 0) for number, (phase, chosen) in pairs]
 

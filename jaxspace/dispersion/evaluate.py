@@ -46,7 +46,7 @@ def evaluate_traced(
     campaign: Campaign, accuracy: Accuracy, samples: dict[str, Float[Array, " runs"]]
 ) -> tuple[dict[str, Float[Array, " runs"]], Int[Array, " runs"]]:
     """Outputs and status of runs with these inputs, by adaptive steps; differentiable."""
-    result, _ = run_inputs(campaign, accuracy, samples, campaign.along)
+    result, _ = run_inputs(campaign, accuracy, samples, campaign.num_saved)
     shape = next(iter(samples.values())).shape
     return outputs_of(campaign.outputs, result, samples), jnp.broadcast_to(result.status, shape)
 

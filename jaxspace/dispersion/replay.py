@@ -62,7 +62,7 @@ def _run(
     samples: dict[str, Array],
     num_saved: int,
 ) -> tuple[MissionTrajectory, tuple[IntegrationConfig, ...]]:
-    saved, every_nth = saved_states(campaign.along, num_saved)
+    saved, every_nth = saved_states(campaign.num_saved, num_saved)
     result, configs = run_inputs(campaign, accuracy, samples, saved, rolled=True)
     return thinned(result, every_nth), configs
 

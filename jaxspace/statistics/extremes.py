@@ -103,7 +103,7 @@ def _phases(
         if q.ndim == 0 or q.shape[0] < least:
             raise InputError(
                 f"values has the shape {q.shape}: an extreme requires at least {least} states per "
-                "phase (`Campaign.along`)."
+                "phase (`Campaign.num_saved`)."
             )
         if t.shape[:1] != q.shape[:1]:
             raise InputError(

@@ -54,7 +54,7 @@ def test_outputs_that_mix_runs_are_refused_before_the_campaign_flies(mixed, monk
         raise AssertionError("a call has flown")
 
     monkeypatch.setattr(_batch_runner.BatchRunner, "_call", never)
-    campaign = of(lambda r, s: {**last(r, s), "mixed": mixed(r, s)}, along=5)
+    campaign = of(lambda r, s: {**last(r, s), "mixed": mixed(r, s)}, num_saved=5)
     words = r"The output 'mixed' mixes runs: (run 0|the nominal run) gives .* among other runs and "
     with pytest.raises(InputError, match=words):
         fly(campaign=campaign, runs=64)
@@ -78,7 +78,7 @@ def test_outputs_of_single_runs_pass():
             "along": jnp.max(result.phases[0].states["x"], axis=0),
         }
 
-    found = fly(campaign=of(outputs, along=5), runs=64)
+    found = fly(campaign=of(outputs, num_saved=5), runs=64)
     np.testing.assert_array_equal(found.outputs["constant"], 3.0)
     np.testing.assert_array_equal(found.outputs["array"], 2.0)
     np.testing.assert_allclose(found.outputs["root"], np.sqrt(found.inputs["w"]), rtol=1e-13)

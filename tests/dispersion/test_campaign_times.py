@@ -45,7 +45,7 @@ def highest(result, samples):
     return {"x": result.final["x"], "top": x.value, "when": x.time}
 
 
-LONG = Campaign(swings, INPUTS, highest, start=0.25, along=9)
+LONG = Campaign(swings, INPUTS, highest, start=0.25, num_saved=9)
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +140,7 @@ def times_by_phase(store):
 def test_runs_that_end_at_times_of_their_own_keep_what_their_phases_cover(tmp_path):
     """x is x0 cos(w t) to t = 1 s, where the velocity is halved; the body turns back at t', where
     tan(w (t' - 1)) = v/(w x), behind half a turn; and x is x(t') cos(w (t - t')) from there on."""
-    campaign = Campaign(by_event, INPUTS, highest, along=5)
+    campaign = Campaign(by_event, INPUTS, highest, num_saved=5)
     ts = [0.5, 1.0, 1.2, 1.4, 1.45, 2.0, 2.4, 9.0]
     # Of the trial: that much is known before the campaign begins.
     with pytest.warns(UserWarning, match="times has 9 s, at which none of the first 512 runs"):

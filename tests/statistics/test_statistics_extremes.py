@@ -139,7 +139,7 @@ def outputs(result, samples):
 
 
 CAMPAIGN = Campaign(
-    build, {"w": Normal(1.0, 0.05), "v0": Normal(2.0, 0.1)}, outputs, {"when": "s"}, along=33
+    build, {"w": Normal(1.0, 0.05), "v0": Normal(2.0, 0.1)}, outputs, {"when": "s"}, num_saved=33
 )
 
 
@@ -233,7 +233,7 @@ def test_a_scene_file_asks_for_extremes(file):
     """Of negligible drag the orbit is Kepler's: the least altitude is that of the periapsis, at its
     passage, and there the dynamic pressure is greatest."""
     campaign = file.campaign(warn=False)
-    assert campaign.along == 65
+    assert campaign.num_saved == 65
     d = disperse(campaign, 40, seed=2, accuracy=file.accuracy)
     assert tuple(d.outputs) == NAMES and d.units["passage"] == "s"
     assert d.units["greatest_dynamic_pressure"] == "Pa"

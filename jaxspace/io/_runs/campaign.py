@@ -28,7 +28,7 @@ def campaign_of(
     scatters: Mapping[str, Input | MadeInput],
     outputs: Callable[[MissionTrajectory, dict[str, Array]], dict[str, Array]],
     design: LatinHypercube | Sobol | None,
-    along: int,
+    num_saved: int,
     texts: Mapping[str, str],
     accuracy: Accuracy | ByPurpose,
 ) -> Campaign:
@@ -40,7 +40,7 @@ def campaign_of(
     - `scatters`: the distribution of each input, by its path.
     - `outputs`: the outputs of each run.
     - `design`: the design of the runs; random if `None`.
-    - `along`: states of each phase that the outputs read.
+    - `num_saved`: states of each phase that the outputs read.
     - `texts`: of the files that the scene names.
     - `accuracy`: of the runs."""
     limits = {path: how.nominal.quantity for path, how in scatters.items()}
@@ -57,7 +57,7 @@ def campaign_of(
         design,
         # Only outputs with a limit have a requirement that a report can judge.
         {spec.name: spec.required for spec in file.outputs if spec.required[:2] != (None, None)},
-        along,
+        num_saved,
         # Texts and not paths: a store is opened where these files are not.
         dict(texts),
         accuracy,

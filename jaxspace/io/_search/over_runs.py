@@ -116,7 +116,7 @@ def campaign_function(file: FileContent, task: Task, base: Campaign) -> Campaign
         units=base.units | {spec.name: spec.unit for spec in specs},
         requirements=(),
         # Without extremes no states along the run are saved, which would fill the memory.
-        along=file.dispersion["extreme_samples"] if extremes else 2,
+        num_saved=file.dispersion["extreme_samples"] if extremes else 2,
     )
     return CampaignOfFile(file.parsed, replaced(file.values, {}), base, specs)
 
