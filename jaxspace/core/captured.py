@@ -35,8 +35,19 @@ class _Code:
         return function
 
 
+class _Function(eqx.Module):
+    """A module in place of a function: equal to itself only, as a function is. Transformations of
+    JAX hash the function that they are given, and arrays have no hash."""
+
+    def __hash__(self) -> int:
+        return id(self)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+
 @final
-class Captured(eqx.Module):
+class Captured(_Function):
     """A function, and the variables that it captures: of the functions around it, and the defaults
     of its arguments.
 
@@ -52,7 +63,7 @@ class Captured(eqx.Module):
 
 
 @final
-class _Applied(eqx.Module):
+class _Applied(_Function):
     """A partial function, whose function may contain arrays, too."""
 
     function: Callable

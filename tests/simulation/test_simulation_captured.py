@@ -126,6 +126,8 @@ def test_what_is_taken_for_leaves():
         functions = [
             *(make(g) for make in (by_closure, by_default, by_partial, by_function_of_function)),
             keyword,
+            # Hashes the function that it is given.
+            jax.checkpoint(by_closure(g)),
             lambda t, y, body: by_closure(again(2))(t, y, body),
         ]
         taken = captured_as_leaves(functions)
@@ -136,4 +138,4 @@ def test_what_is_taken_for_leaves():
         assert captured_as_leaves(method) is method
         return [f(0.0, state, None).acceleration_N for f in taken]
 
-    np.testing.assert_array_equal(jax.jit(load)(2.0), 6 * [[0.0, 0.0, -2.0]])
+    np.testing.assert_array_equal(jax.jit(load)(2.0), 7 * [[0.0, 0.0, -2.0]])
