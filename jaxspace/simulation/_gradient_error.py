@@ -60,7 +60,8 @@ def gradient_error(
     - `x`: a number, an array or a pytree of them, with respect to which the derivative is computed.
     - `accuracy`: relative tolerance of the derivative, or an `Accuracy`; by default as in
       `simulate`. Where the precision resolves not even a tenth of it, the comparison is with
-      a hundred times the tolerance, and the estimate that of the looser derivative.
+      a hundred times the tolerance, and the estimate that of the looser derivative. With
+      `derivative_control=False` the comparison is with a derivative whose steps are controlled.
     - `forward`: forward mode, for few numbers in `x`; reverse mode by default.
 
     **Raises** `InputError` for a method of fixed steps, which follow no tolerance, and inside of
@@ -72,7 +73,11 @@ def gradient_error(
     # At the limit of the precision no finer tolerance is left: a looser one is compared with.
     if other_rtol > LEAST_REFINEMENT * rtol:
         other_rtol = min(rtol / FINER, LOOSEST_TOLERANCE)
-    gradient, other = (_derivative(function, x, accuracy, r, forward) for r in (rtol, other_rtol))
+    gradient = _derivative(function, x, accuracy, rtol, forward)
+    # At rest the motion needs the same steps at every tolerance: without control of the derivatives
+    # both would have the same error.
+    controlled = dataclasses.replace(accuracy, derivative_control=True)
+    other = _derivative(function, x, controlled, other_rtol, forward)
     # The finer derivative has a hundredth of the error: the difference is that of the coarser one.
     error = jax.tree.map(lambda a, b: np.abs(np.asarray(a) - np.asarray(b)), gradient, other)
     return CheckedGradient(gradient, error, rtol)

@@ -11,9 +11,11 @@ from test_simulation_final_error import kicked, mission, truth
 from test_simulation_final_error import start as others
 from unchecked import unchecked
 
-from jaxspace import Accuracy, BodyState, Event, simulate, simulate_batch, simulate_mission
+from jaxspace import Accuracy, BodyState, Event, Scene, simulate, simulate_batch, simulate_mission
+from jaxspace.bodies import Load
 from jaxspace.core import InputError
 from jaxspace.orbits import TwoBody
+from jaxspace.scene import Custom
 from jaxspace.simulation import gradient_error
 from jaxspace.solvers import DOP853, Stormer
 
@@ -54,6 +56,22 @@ def check(found, exact):
 @pytest.mark.parametrize("forward", [True, False])
 def test_the_estimate_is_the_error_of_the_derivative(forward):
     check(gradient_error(place, SPEED, METHOD, forward=forward), exact())
+
+
+def test_steps_chosen_from_a_motion_at_rest():
+    """x'' = e sin(20 t) at e = 0: one step at every tolerance, by which the derivative is wrong."""
+
+    def pushed(e, accuracy):
+        push = Custom(lambda t, y, body: Load(acceleration_N=e * jnp.sin(20.0 * t) + jnp.zeros(3)))
+        ts, rest = jnp.array([0.0, 10.0]), BodyState(jnp.zeros(3), jnp.zeros(3))
+        return simulate(Scene([push]), rest, ts, accuracy=accuracy).final.position[0]
+
+    alone = Accuracy(1e-7, method=DOP853(), derivative_control=False)
+    found = gradient_error(pushed, 0.0, alone)
+    exact = 10.0 / 20.0 - np.sin(200.0) / 400.0
+    error = abs(float(found.gradient) - exact)
+    assert error > 1.0
+    np.testing.assert_allclose(found.error, error, rtol=1e-6)
 
 
 def test_the_time_of_an_event():
