@@ -148,7 +148,7 @@ def run_loop(
     return LoopRun(trajectory, steps_of(config), request)
 
 
-def _checked(loop: AbstractSampledLoop, y0: State, run_axes: int) -> InitialState:
+def _checked(loop: AbstractSampledLoop, y0: PyTree, run_axes: int) -> InitialState:
     """The initial state. Raises `InputError` for arguments with which no loop can run."""
     if not isinstance(loop.controller, AbstractController):
         raise InputError(

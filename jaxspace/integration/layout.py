@@ -6,7 +6,7 @@ components first, then the times, then the runs.
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractSystem, Scalar, State
 from .field_trace import field_trace
@@ -45,8 +45,8 @@ def state_at(states: State, index: int, run_axes: int) -> State:
     )
 
 
-def runs_of(y: State, run_axes: int) -> tuple[int, ...]:
-    """The shape of the runs of a state."""
+def runs_of(y: PyTree, run_axes: int) -> tuple[int, ...]:
+    """The shape of the runs of a state, or of its shapes."""
     leaf = jax.tree.leaves(y)[0]
     return leaf.shape[leaf.ndim - run_axes :]
 

@@ -108,7 +108,7 @@ def check_num_saved(num_saved: int) -> None:
 
 def check_run(
     system: AbstractSystem,
-    y0: State,
+    y0: PyTree,
     ts: Array,
     events: tuple[Event, ...],
     *,
@@ -316,7 +316,7 @@ def check_jump(event: Event, t: Time, y: PyTree, name: str) -> None:
 def check_events(
     events: tuple[Event, ...],
     system: AbstractSystem,
-    y: State,
+    y: PyTree,
     t: Time,
     run_axes: int,
     name: str = "events[{}]",
