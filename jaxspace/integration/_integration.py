@@ -98,7 +98,9 @@ class Integration(eqx.Module):
 
     def with_tangents(self, given: Tangents) -> "Integration":
         """The tangents of field and initial state in a tree like this one; none of the settings."""
-        return Integration(*given, jax.tree.map(lambda _: None, self.settings))
+        # Not by its constructor: tangents may be missing, or flags in their place.
+        parts = (*given, jax.tree.map(lambda _: None, self.settings))
+        return eqx.tree_at(lambda run: (run.field, run.y0, run.settings), self, parts)
 
     def replay(self, record: Record, moving: PyTree[bool]) -> tuple[Replay, PyTree]:
         """The replay of a recorded run, and the differentiated part of its field."""
