@@ -65,8 +65,8 @@ class MappedIntegration(eqx.Module):
         return self.each.field
 
     @property
-    def y0(self) -> State:
-        """The initial state."""
+    def y0(self) -> PyTree:
+        """The initial state, or its shapes."""
         return self.each.y0
 
     @property
