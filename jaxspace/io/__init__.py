@@ -22,5 +22,6 @@ if TYPE_CHECKING:
     from . import ephemeris as ephemeris
     from . import maps as maps
     from . import mean_elements as mean_elements
+    from . import orbit_state as orbit_state
 else:
     __getattr__, __dir__ = _modules_of(__name__)

@@ -420,15 +420,15 @@ def test_an_ephemeris_message_comes_back(tmp_path):
     write_oem(path, [one, other], created="2026-01-01T00:00:00")
     first, second = read_oem(path)
     np.testing.assert_allclose(first.times, times, atol=2e-9)
-    np.testing.assert_allclose(first.position, r, rtol=4e-16)
-    np.testing.assert_allclose(first.velocity, v, rtol=4e-16)
+    np.testing.assert_array_equal(first.position, r)
+    np.testing.assert_array_equal(first.velocity, v)
     assert (first.name, first.identifier, first.epoch) == ("ONE", "2026-001A", one.epoch + "000000")
     assert second.frame == "ICRF" and second.name == "UNKNOWN" and second.times.shape == (2,)
     np.testing.assert_allclose(first.path()(60.0), r[:, 1], rtol=1e-12)
     np.testing.assert_array_equal(first.state(2).velocity, first.velocity[:, 2])
 
 
-# Annex G of the standard, shortened: comments, accelerations, a covariance, a day of the year.
+# Annex G of the standard, with two states: comments, accelerations, a day of the year.
 ANNEX = """CCSDS_OEM_VERS = 2.0
 COMMENT from Mars
 CREATION_DATE = 1996-11-04T17:22:31
@@ -447,8 +447,14 @@ COMMENT two states
 1996-12-28T21:29:07.267 -2432.166 -063.042 1742.754 7.33702 -3.495867 -1.041945
 1996-363T21:59:02.267 -2445.234 -878.141 1873.073 1.86043 -3.421256 -0.996366 0.1 0.2 0.3
 COVARIANCE_START
-EPOCH = 1996-12-28T22:28:02.267
-3.3313494e-04
+EPOCH = 1996-12-28T21:29:07.267
+COV_REF_FRAME = EME2000
+ 3.3313494e-04
+ 4.6189273e-04  6.7824216e-04
+-3.0700078e-04 -4.2212341e-04  3.2319319e-04
+-3.3493650e-07 -4.6860842e-07  2.4849495e-07  4.2960228e-10
+-2.2118325e-07 -2.8641868e-07  1.7980986e-07  2.6088992e-10  1.7675147e-10
+-3.0413460e-07 -4.9894969e-07  3.5403109e-07  1.8692631e-10  1.0088625e-10  6.2244443e-10
 COVARIANCE_STOP
 """
 
@@ -460,10 +466,13 @@ def test_the_message_of_the_standard(tmp_path):
     assert found.centre == "MARS BARYCENTER" and found.epoch == "1996-12-28T21:29:07.267"
     np.testing.assert_allclose(found.times, [0.0, 1795.0], atol=1e-9)
     np.testing.assert_allclose(found.position[:, 1], [-2445234.0, -878141.0, 1873073.0])
+    ((time, matrix, axes),) = found.covariances
+    assert time == 0.0 and axes == "EME2000" and matrix[2, 1] == matrix[1, 2] == -422.12341
+    np.testing.assert_allclose(found.distribution().covariance, matrix, rtol=1e-9, atol=1e-9)
     second = "1996-363T21:59:02.267"
     for old, new, sentence in (
         ("CCSDS_OEM_VERS", "CCSDS_OPM_VERS", "must begin with CCSDS_OEM_VERS"),
-        ("REF_FRAME = EME2000\n", "", "line 5 begins a segment without REF_FRAME"),
+        ("\nREF_FRAME = EME2000\n", "\n", "line 5 begins a segment without REF_FRAME"),
         (" -1.041945", "", "line 16: .*6 columns"),
         (
             "1996-363T21:59",
@@ -490,7 +499,11 @@ def test_the_message_of_the_standard(tmp_path):
         ("META_STOP\n", "", "line 15 is '1996-12-28.*: it must be a keyword = value"),
         ("META_START\n", "", "line 15 is '1996-12-28.*': META_START must precede it"),
         ("TIME_SYSTEM = UTC", "REF_FRAME = ICRF", "line 10 repeats REF_FRAME"),
-        ("COVARIANCE_STOP\n", "COVARIANCE_STOP\nMETA_START\n", "line 22 begins a segment without"),
+        ("COVARIANCE_STOP\n", "COVARIANCE_STOP\nMETA_START\n", "line 28 begins a segment without"),
+        ("EPOCH = 1996-12-28T21:29:07.267\n", "", "line 19 is .*: EPOCH must precede it"),
+        ("COV_REF", "REF", "line 20 is .*: it must be EPOCH, COV_REF_FRAME or a row"),
+        (" 1.0088625e-10", "", "line 19 begins a covariance of 20 numbers: it must have 21"),
+        ("1.0088625e-10", "nan", "line 26: the covariance is 'nan': it must be a finite number"),
         (
             ANNEX[ANNEX.index("1996-12-28T21:29:07.267 -") :],
             "",
