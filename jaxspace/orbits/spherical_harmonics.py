@@ -222,11 +222,11 @@ def _gradient(series: Array) -> Array:
 
 @final
 class SphericalHarmonics(AbstractEffect):
-    """Attraction by the spherical harmonics of a body that rotates, or is at rest without a
-    `rotation`. Add `PointGravity` for the field of the point.
+    """Attraction by the spherical harmonics of the gravity field of a body, without its point mass:
+    add `PointGravity`.
 
-    `tide_system` states whether the permanent tide is part of the field, in the word of its file:
-    "tide_free", "zero_tide", "mean_tide" or "unknown"."""
+    - `tide_system`: whether the permanent tide is part of the field, as stated by its file:
+      "tide_free", "zero_tide", "mean_tide" or "unknown"."""
 
     uniform: ClassVar[bool] = True
 
