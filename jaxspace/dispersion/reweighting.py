@@ -30,11 +30,9 @@ from ..sampling.designs import Sobol, map_normals, normal_columns
 from ..sampling.distributions import AbstractDistribution
 from ..sampling.joint import Component
 from ..statistics import Dispersion
-from ..statistics.weighted import WeightedDispersion
+from ..statistics.weighted import WeightedDispersion, check_effective
 from ._campaign import Campaign
 
-# With fewer the deviation has an error of 7 %, and single runs decide.
-FEWEST = 100
 # Share of the new draws that no stored run can have; it biases a mean by this part at most.
 OUTSIDE = 1e-4
 GRID, POINTS = 2001, 2**13
@@ -71,13 +69,12 @@ def reweight(
     losses = _losses(before, inputs)
     most = max(losses, key=lambda name: losses[name])
     effective = min(1.0 / float(weights @ weights), result.runs / math.prod(losses.values()))
-    if not effective >= FEWEST:
-        raise InputError(
-            f"The effective number of runs is {effective:.3g} of {result.runs}, and at least "
-            f"{FEWEST} are required, because otherwise a few runs with large weights decide: the "
-            f"new distribution of {most} is too far from the stored one. Change it less, store "
-            "more runs, or compute a new campaign."
-        )
+    check_effective(
+        effective,
+        result.runs,
+        f"the new distribution of {most} is too far from the stored one. Change it less, store "
+        "more runs, or compute a new campaign",
+    )
     changes = tuple(f"{name}: {before[name].text()} → {inputs[name].text()}" for name in inputs)
     return WeightedDispersion(result, weights, effective, changes)
 

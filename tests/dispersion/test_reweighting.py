@@ -32,7 +32,7 @@ from jaxspace.dispersion import (
 )
 from jaxspace.io import load
 from jaxspace.sampling.densities import _by_normals, log_density
-from jaxspace.statistics.weighted import WeightedDispersion
+from jaxspace.statistics.weighted import WeightedDispersion, weighted
 
 RUNS = 20000
 STANDARD = dataclasses.replace(CAMPAIGN, inputs={"w": Normal(0.0, 1.0), "x0": Uniform(0.0, 1.0)})
@@ -249,6 +249,30 @@ def test_numbers_that_are_drawn_together():
 def test_what_the_runs_cannot_answer_is_refused(inputs, sentence):
     with unchecked(), pytest.raises(InputError, match=sentence):
         reweight(BEFORE, STANDARD, inputs)
+
+
+@pytest.mark.parametrize(
+    "weights, sentence",
+    [
+        (np.ones(RUNS - 1), r"^weights has the shape \(19999,\): it must be \(20000,\)"),
+        (
+            np.r_[np.ones(RUNS - 2), np.nan, -1.0],
+            "^weights is negative or not finite in 2 of 20000",
+        ),
+        (np.r_[np.ones(RUNS - 1), np.inf], "^weights is negative or not finite in 1 of 20000"),
+        (np.zeros(RUNS), "^weights is zero in all runs"),
+        (np.r_[np.ones(50), np.zeros(RUNS - 50)], "^The effective number of runs is 50 of 20000"),
+    ],
+)
+def test_wrong_weights_are_refused(weights, sentence):
+    with pytest.raises(InputError, match=sentence):
+        weighted(BEFORE, weights)
+
+
+def test_weights_up_to_a_factor():
+    found = weighted(BEFORE, 1e200 * np.exp(0.5 * BEFORE.values("w")))
+    same = reweight(BEFORE, STANDARD, {"w": Normal(0.5, 1.0)})
+    np.testing.assert_allclose(found.weights, same.weights, rtol=1e-9)
 
 
 def test_other_campaigns_and_rows_of_a_sweep_are_refused():
