@@ -117,10 +117,13 @@ TASKS = {
         "Distributions": "Normal Uniform TruncatedNormal Triangular Lognormal Discrete Samples "
         "Constant AbstractDistribution ConeDirection Correlated MultivariateNormal AbstractJoint",
         "Sampling designs": "LatinHypercube Sobol AbstractDesign",
+        "Sweeps": "grid Sweep",
+        "Other input distributions": "reweight reweighting",
         "Sensitivity": "sensitivity",
         "Uncertainty of results": "rare Footprint",
         "Tolerance selection": "purpose",
-        "Methods without sampling": "moments covariance comparison evaluate",
+        "Methods without sampling": "moments covariance comparison evaluate choose_method "
+        "automatic",
         "Replaying runs": "run_paths RunPaths replay",
         "Stores": "open_store DamagedStore StoreError",
         "Engines": "ProcessPool DaskCluster MultiHost Part AbstractEngine",
@@ -130,11 +133,15 @@ TASKS = {
         "Constant distributions AbstractDistribution",
         "Joint distributions": "ConeDirection Correlated MultivariateNormal AbstractJoint",
         "Sampling designs": "LatinHypercube Sobol AbstractDesign",
+        "Sweeps": "grid Sweep sweeps",
+        "Densities": "densities",
     },
     "statistics": {
         "Results of campaigns": "Dispersion Failure table requirements purpose",
         "Sensitivity": "contributors correlation",
         "Uncertainty of results": "limits spread StopRule Footprint",
+        "Sweeps": "sweeps",
+        "Other input distributions": "weighted",
         "Extremes along a run": "extremes",
     },
     "stores": {
