@@ -124,7 +124,7 @@ TASKS = {
         "Tolerance selection": "purpose",
         "Methods without sampling": "moments covariance comparison evaluate choose_method "
         "automatic",
-        "Replaying runs": "run_paths RunPaths replay",
+        "Replaying runs": "run_paths RunPaths run_states replay",
         "Stores": "open_store DamagedStore StoreError",
         "Engines": "ProcessPool DaskCluster MultiHost Part AbstractEngine",
     },
@@ -143,9 +143,11 @@ TASKS = {
         "Sweeps": "sweeps",
         "Other input distributions": "weighted",
         "Extremes along a run": "extremes",
+        "Comparison with measurements": "curves",
     },
     "stores": {
         "Stores": "open_store DamagedStore StoreError",
+        "Archives": "archive",
     },
     "engines": {
         "Engines": "ProcessPool DaskCluster MultiHost Part",

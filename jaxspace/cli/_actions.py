@@ -87,12 +87,33 @@ def reweight(given: argparse.Namespace) -> int:
     return _reweight.reweight(given.file, given.changes, given.modules)
 
 
+def compare(given: argparse.Namespace) -> int:
+    """Compare a flight log with the nominal run of a scene file."""
+    from . import _compare
+
+    settle()
+    channels = dict(given.channels)
+    return _compare.compare(
+        given.file, given.log, channels, given.align, given.runs, given.out, given.modules
+    )
+
+
 def write_map(given: argparse.Namespace) -> int:
     """Write the landings of a stored campaign as KML and GeoJSON."""
     from . import _map
 
     settle(once=True)
     return _map.write_map(given.file, given.out, given.modules)
+
+
+def archive(given: argparse.Namespace) -> int:
+    """Write an archive of a stored campaign, or verify one."""
+    from . import _archive
+
+    settle()
+    if given.verify or given.extract is not None or given.digest is not None:
+        return _archive.verify(given.file, given.digest, given.extract)
+    return _archive.archive(given.file, given.out)
 
 
 def report(given: argparse.Namespace) -> int:

@@ -1,5 +1,5 @@
-"""The commands: examples, new, run, disperse, resume, replay, failures, report, explain, cost,
-budget, optimize, list, schema, programs, verify."""
+"""The commands: examples, new, run, disperse, resume, replay, failures, report, diff, compare,
+archive, map, explain, cost, budget, optimize, list, schema, programs, verify."""
 
 import argparse
 import gc

@@ -24,6 +24,8 @@ COMMANDS: tuple[tuple[str, Callable[[argparse.Namespace], int], str], ...] = (
         actions.reweight,
         "estimate the effect of other input distributions from the runs of a store",
     ),
+    ("compare", actions.compare, "compare a flight log with the nominal run of a scene file"),
+    ("archive", actions.archive, "bundle a stored campaign into one file, or verify such a file"),
     ("map", actions.write_map, "write the landings of a stored campaign as KML and GeoJSON"),
     (
         "explain",
@@ -39,7 +41,8 @@ COMMANDS: tuple[tuple[str, Callable[[argparse.Namespace], int], str], ...] = (
     ("verify", actions.verify, "run the singularity and edge-case checks on this machine"),
 )
 WITH_MODULES = (
-    *("run", "disperse", "resume", "replay", "failures", "report", "reweight", "map"),
+    *("run", "disperse", "resume", "replay", "failures", "report", "reweight", "compare"),
+    "map",
     *("explain", "cost", "budget", "optimize", "list", "schema"),
 )
 # Not from the package of campaigns, whose import takes time.
@@ -70,6 +73,8 @@ def parser() -> argparse.ArgumentParser:
     _reweight_options(commands["reweight"])
     _map_options(commands["map"])
     _diff_options(commands["diff"])
+    _compare_options(commands["compare"])
+    _archive_options(commands["archive"])
     _cost_options(commands["cost"])
     _budget_options(commands["budget"])
     _optimize_options(commands["optimize"])
@@ -104,7 +109,7 @@ def _list_options(show: argparse.ArgumentParser) -> None:
 
 def _file_arguments(commands: dict[str, argparse.ArgumentParser]) -> None:
     """Arguments of each command: the files that it reads and writes."""
-    for name in ("run", "disperse", "explain", "cost", "budget", "optimize"):
+    for name in ("run", "disperse", "compare", "explain", "cost", "budget", "optimize"):
         commands[name].add_argument("file", metavar="FILE", help="scene file (TOML)")
     for name in ("resume", "replay", "failures"):
         commands[name].add_argument("file", metavar="STORE", help="Zarr store of a campaign")
@@ -119,7 +124,7 @@ def _file_arguments(commands: dict[str, argparse.ArgumentParser]) -> None:
             help="run a Python file with user-defined effects, systems, outputs or controllers, "
             "which the scene file can then use",
         )
-    for name in ("run", "disperse", "replay", "cost", "budget", "optimize"):
+    for name in ("run", "disperse", "replay", "compare", "cost", "budget", "optimize"):
         commands[name].add_argument(
             "--out", default="out", metavar="DIR", help="output directory (default: out)"
         )
@@ -167,6 +172,61 @@ def _reweight_options(command: argparse.ArgumentParser) -> None:
         nargs="+",
         help="a changed key of the table of an input in [dispersion.inputs], such as "
         '"initial.orbit.periapsis_altitude.deviation=2.5 km" or "body.mass.mean=51 kg"',
+    )
+
+
+def _compare_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("log", metavar="LOG", help="flight log (CSV with names and units)")
+    command.add_argument(
+        "--align",
+        default="0",
+        metavar="OFFSET | EVENT | fit",
+        help="seconds to add to the times of the log; or an event of both, such as "
+        '"greatest altitude" or "altitude > 30 m"; or fit, for the offset of least squares '
+        "(default: 0)",
+    )
+    command.add_argument(
+        "--channel",
+        dest="channels",
+        type=_channel,
+        action="append",
+        default=[],
+        metavar="COLUMN=OUTPUT",
+        help="compare a column of the log with an output or a number of the state, such as "
+        "Altitude=position.2 (default: all columns with the name of one)",
+    )
+    command.add_argument(
+        "--runs",
+        type=_count,
+        help="number of runs of [dispersion] for the scatter of each channel (default: none)",
+    )
+
+
+def _channel(text: str) -> tuple[str, str]:
+    column, equals, output = (x.strip() for x in text.rpartition("="))
+    if not (column and equals and output):
+        raise argparse.ArgumentTypeError(
+            f"it is {text}: it must be the name of a column and what it is, such as "
+            "Altitude=position.2."
+        )
+    return column, output
+
+
+def _archive_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "file", metavar="STORE", help="Zarr store of a campaign, or the archive to verify"
+    )
+    command.add_argument(
+        "--out", metavar="FILE", help="path of the archive (default: NAME.zip beside the store)"
+    )
+    command.add_argument(
+        "--verify", action="store_true", help="verify all checksums and runs of an archive"
+    )
+    command.add_argument(
+        "--digest", metavar="SHA256", help="checksum that the whole archive must have; verifies it"
+    )
+    command.add_argument(
+        "--extract", metavar="DIR", help="verify an archive and extract it to a new folder"
     )
 
 

@@ -20,6 +20,8 @@ from ._search.optimum import Optimum as Optimum
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.
     from . import ephemeris as ephemeris
+    from . import flight_logs as flight_logs
+    from . import log_comparison as log_comparison
     from . import maps as maps
     from . import mean_elements as mean_elements
     from . import orbit_state as orbit_state

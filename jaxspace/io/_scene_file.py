@@ -442,6 +442,10 @@ class SceneFile(FileContent):
         si = unit_of(spec, self.parsed)
         return FinalOutput(function_of(outputs, spec), si, spec.factor)
 
+    def outputs_along(self, specs: tuple[OutputSpec, ...]) -> Outputs:
+        """These outputs, for their values along a run (`Outputs.along`)."""
+        return self._outputs_of(specs, None)
+
     def _outputs_of(
         self, specs: tuple[OutputSpec, ...], reference: dict[int, State] | None
     ) -> Outputs:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from . import comparison as comparison
     from . import contributors as contributors
     from . import correlation as correlation
+    from . import curves as curves
     from . import extremes as extremes
     from . import limits as limits
     from . import purpose as purpose

@@ -27,7 +27,7 @@ import numpy as np
 
 from ..core import InputError
 from ..core.files import finite_number, read_text
-from ._separated import Sheet, separated
+from ..core.separated import Sheet, separated
 
 DEGREE = np.pi / 180.0
 INCH = 0.0254

@@ -34,7 +34,7 @@ from ..bodies.atmosphere import GAS_CONSTANT, GRAVITY, MOLAR_MASS
 from ..bodies.standard_atmosphere import geometric_height
 from ..core import InputError
 from ..core.files import finite_number, read_text
-from ._separated import Row, separated
+from ..core.separated import Row, separated
 from ._sounding_lists import read_list
 
 # A list with a longer gap has lost levels: interpolation between them would be meaningless.

@@ -16,7 +16,7 @@ Source: sharppy.io.spc_decoder; IGRA v2.2 Format Description, NOAA (2023).
 import re
 
 from ..core import InputError
-from ._separated import Row, Sheet
+from ..core.separated import Row, Sheet
 
 # Characters of a column in lists of Wyoming, which part empty fields by their place alone.
 WIDTH = 7

@@ -63,10 +63,14 @@ WRONG = {
     "nothing": ("[initial]", "[other]"),
 }
 # Options that a command cannot do without.
-NEEDED = {"replay": ["--run", "0"], "reweight": ["initial.position.0.deviation=1.0"]}
-# Commands without a file; `new`, whose file is one that it writes; and `diff`, which has two
-# (`test_cli_diff.py`).
-WITHOUT = {"examples", "new", "list", "schema", "programs", "verify", "diff"}
+NEEDED = {
+    "replay": ["--run", "0"],
+    "reweight": ["initial.position.0.deviation=1.0"],
+    "compare": ["log.csv"],
+}
+# Commands without a file; `new`, whose file is one that it writes; `diff`, which has two
+# (`test_cli_diff.py`); and `archive`, which runs no modules.
+WITHOUT = {"examples", "new", "list", "schema", "programs", "verify", "diff", "archive"}
 
 
 def commands():

@@ -34,11 +34,11 @@ def outputs_of(nominal: Simulated | LoopRun, outputs: Outputs) -> dict[str, tupl
     # Outputs take runs on the last axis, so that the nominal run is a batch of one; and traced as a
     # whole, because an operation that is carried out by itself takes three times as long as one of
     # a traced function.
-    numbers = compiled(lambda o, run: o(run, {}))(outputs, _as_batch(nominal))
+    numbers = compiled(lambda o, run: o(run, {}))(outputs, as_batch(nominal))
     return {spec.name: (float(numbers[spec.name][0]), spec.unit) for spec in outputs.specs}
 
 
-def _as_batch(nominal: Simulated | LoopRun) -> Simulated:
+def as_batch(nominal: Simulated | LoopRun) -> Simulated:
     """The run with an axis of one run."""
     run = numbers_of(nominal.trajectory if isinstance(nominal, LoopRun) else nominal)
     phases = [dataclasses.replace(phase, run_axes=1) for phase in run.phases]

@@ -7,6 +7,7 @@ of a phase may replace `final`, and `run` denotes the whole run. The places of a
 name before theirs: `booster.final.position.2`, `booster.fall`."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
@@ -139,12 +140,7 @@ class Outputs(eqx.Module):
         - `began`: the states at the starts of the phases, for outputs that compare with them.
         - `spans`: of the phases at whose ends outputs read the scene."""
         runs = jax.tree.leaves(states[-1])[0].shape[-1]
-        # Made once, because several outputs may be methods of one effect.
-        names = dict.fromkeys(spec.effect for spec in self.specs if spec.effect)
-        effects = {
-            name: effect_named(self.file, self.values, samples, runs, name) for name in names
-        }
-        context = _Context(samples, runs, began or {}, effects, spans or {})
+        context = self._context(samples, runs, began, spans)
         result = {}
         for spec in self.specs:
             if spec.take:
@@ -155,14 +151,48 @@ class Outputs(eqx.Module):
             result[spec.name] = jnp.broadcast_to(spec.factor * value, (runs,))
         return result
 
+    def _context(
+        self,
+        samples: dict[str, Array],
+        runs: int,
+        began: dict[int, State] | None = None,
+        spans: Mapping[int, Span] | None = None,
+    ) -> _Context:
+        # Made once, because several outputs may be methods of one effect.
+        names = dict.fromkeys(spec.effect for spec in self.specs if spec.effect)
+        effects = {
+            name: effect_named(self.file, self.values, samples, runs, name) for name in names
+        }
+        return _Context(samples, runs, began or {}, effects, spans or {})
+
+    def along(
+        self, result: Simulated, samples: dict[str, Array]
+    ) -> dict[str, dict[int, tuple[Array, Array]]]:
+        """Times and values, each (times, runs), of the outputs at all states of their `phases`, by
+        the names of the outputs and the numbers of the phases."""
+        runs = jax.tree.leaves(result.final)[0].shape[-1]
+        places = {spec.at for spec in self.specs if BEGAN in spec.arguments()}
+        began = {at: result.phases[self.file.first_leg(at)].initial for at in places}
+        context = self._context(samples, runs, began)
+        found: dict[str, dict[int, tuple[Array, Array]]] = {}
+        for spec in self.specs:
+            found[spec.name] = {}
+            for k in spec.phases:
+                ts = result.phases[k].ts
+                ts = jnp.broadcast_to(ts.reshape(ts.shape[0], -1), (ts.shape[0], runs))
+                in_phase = context._replace(spans={k: Span.of(ts)})
+
+                one = functools.partial(self._one, spec, k, in_phase)
+                values = jax.vmap(one, in_axes=(0, -2))(ts, result.phases[k].states)
+                found[spec.name][k] = ts, spec.factor * values
+        return found
+
     def _extreme(self, spec: OutputSpec, curves: Curves, context: _Context) -> Array:
         times, values, slopes = [], [], []
         for k in spec.phases:
             in_phase = context._replace(spans={k: Span.of(curves[k].times)})
 
-            def one(t: Scalar, y: State, k: int = k, context: _Context = in_phase) -> Array:
-                value = self._value(spec, k, y, t, context)
-                return jnp.broadcast_to(value, (context.runs,))
+            one = functools.partial(self._one, spec, k, in_phase)
 
             def moving(
                 t: Scalar, y: State, rate: State, one: Callable[[Scalar, State], Array] = one
@@ -182,6 +212,10 @@ class Outputs(eqx.Module):
         extreme = greatest if spec.take.endswith("greatest") else least
         result = extreme(times, values, slopes or None)
         return result.time if spec.take.startswith("time") else result.value
+
+    def _one(self, spec: OutputSpec, place: int, context: _Context, t: Scalar, y: State) -> Array:
+        """The output of one state of each run, (runs,)."""
+        return jnp.broadcast_to(self._value(spec, place, y, t, context), (context.runs,))
 
     def _value(self, spec: OutputSpec, place: int, y: State, t: Scalar, context: _Context) -> Array:
         """The output of the state `y` at the time `t`, at a place: the number of a phase, or that

@@ -9,7 +9,7 @@ import csv
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ..core import InputError
+from .checks import InputError
 
 MARKS = ";\t,"
 COMMENTS = ("#", ";", "%")
