@@ -99,11 +99,13 @@ def compare(given: argparse.Namespace) -> int:
 
 
 def write_map(given: argparse.Namespace) -> int:
-    """Write the landings of a stored campaign as KML and GeoJSON."""
+    """Write landings and tracks for maps and globes."""
     from . import _map
 
     settle(once=True)
-    return _map.write_map(given.file, given.out, given.modules)
+    return _map.write_map(
+        given.file, given.out, given.modules, given.tracks, given.epoch, given.angle
+    )
 
 
 def archive(given: argparse.Namespace) -> int:

@@ -26,7 +26,7 @@ COMMANDS: tuple[tuple[str, Callable[[argparse.Namespace], int], str], ...] = (
     ),
     ("compare", actions.compare, "compare a flight log with the nominal run of a scene file"),
     ("archive", actions.archive, "bundle a stored campaign into one file, or verify such a file"),
-    ("map", actions.write_map, "write the landings of a stored campaign as KML and GeoJSON"),
+    ("map", actions.write_map, "write landings and tracks as KML, GeoJSON, GPX and CZML"),
     (
         "explain",
         actions.explain,
@@ -231,9 +231,29 @@ def _archive_options(command: argparse.ArgumentParser) -> None:
 
 
 def _map_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument("file", metavar="STORE", help="Zarr store of a campaign")
+    command.add_argument(
+        "file", metavar="STORE", help="Zarr store of a campaign, or scene file (TOML)"
+    )
     command.add_argument(
         "--out", metavar="DIR", help="output directory (default: the folder of STORE)"
+    )
+    command.add_argument(
+        "--tracks",
+        type=_whole,
+        metavar="N",
+        help="also write the tracks of the nominal run and of the first N runs of a store; those "
+        "of a scene file are always written",
+    )
+    command.add_argument(
+        "--epoch",
+        metavar="DATE",
+        help="date at t = 0, such as 2026-03-01T12:00:00Z (default: no dates; in CZML, which "
+        "needs one, noon of 2000-01-01)",
+    )
+    command.add_argument(
+        "--angle",
+        default="0",
+        help='angle of the prime meridian at t = 0 for orbits, such as "100.5 deg" (default: 0)',
     )
 
 

@@ -1,5 +1,7 @@
 """Some runs of a campaign with their states, for comparisons with measurements."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -48,4 +50,9 @@ def _run(
     inputs = nominal_unless(allowed, campaign, drawn)
     result, _ = run_inputs(campaign, accuracy, inputs, num_saved, rolled=True)
     status = jnp.where(allowed, result.status, Status.REFUSED)
-    return numbers_of(result.with_phases(result.phases, status)), inputs
+    # Phases of a closed form may share their times among all runs.
+    phases = [
+        dataclasses.replace(x, ts=jnp.broadcast_to(x.ts, (x.ts.shape[0], *status.shape)))
+        for x in result.phases
+    ]
+    return numbers_of(result.with_phases(phases, status)), inputs

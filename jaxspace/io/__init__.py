@@ -25,5 +25,6 @@ if TYPE_CHECKING:
     from . import maps as maps
     from . import mean_elements as mean_elements
     from . import orbit_state as orbit_state
+    from . import tracks as tracks
 else:
     __getattr__, __dir__ = _modules_of(__name__)

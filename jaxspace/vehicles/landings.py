@@ -6,7 +6,7 @@ its latitude is that of the normal through it.
 Source: NIMA TR8350.2, World Geodetic System 1984, 4; `orbits.ground_track.ground_point`.
 """
 
-__all__ = ["landing", "landing_latitude", "landing_longitude"]
+__all__ = ["ground_place", "landing", "landing_latitude", "landing_longitude"]
 
 from collections.abc import Mapping
 
@@ -37,7 +37,7 @@ def landing_latitude(
 
     - `position`: to the east, to the north and up, m, (3, *runs).
     - `latitude`, `longitude`: of the site, rad; `elevation`: m."""
-    return _place(position, latitude, longitude, elevation).latitude
+    return ground_place(position, latitude, longitude, elevation).latitude
 
 
 @formula
@@ -50,10 +50,17 @@ def landing_longitude(
     **Arguments**
 
     - `position`, `latitude`, `longitude`, `elevation`: as in `landing_latitude`."""
-    return _place(position, latitude, longitude, elevation).longitude
+    return ground_place(position, latitude, longitude, elevation).longitude
 
 
-def _place(position: Vector, latitude: Scalar, longitude: Scalar, elevation: Scalar) -> GroundPoint:
+def ground_place(
+    position: Vector, latitude: Scalar, longitude: Scalar, elevation: Scalar = 0.0
+) -> GroundPoint:
+    """Latitude, longitude and altitude of a position in the axes of a site (WGS 84).
+
+    **Arguments**
+
+    - `position`, `latitude`, `longitude`, `elevation`: as in `landing_latitude`."""
     site = GroundPoint(as_float(latitude), as_float(longitude), as_float(elevation))
     # By the ellipsoid, because latitudes are geodetic: on a sphere a degree of them would be longer
     # or shorter by up to half a percent.

@@ -3,6 +3,7 @@
 import json
 from xml.etree import ElementTree
 
+import pytest
 from test_cli import CHEAP
 from test_landings import SCENE, campaign
 
@@ -37,3 +38,24 @@ def test_map_refuses_a_scene_without_a_site(tmp_path, capsys, monkeypatch):
     assert main(["map", str(tmp_path / "coast.zarr")]) == 2
     assert "the scene has no launch site" in capsys.readouterr().err
     assert not list(tmp_path.glob("*.kml"))
+
+
+@pytest.mark.usefixtures("settings_stay")
+def test_map_writes_the_tracks_of_a_scene_and_of_runs(tmp_path, capsys):
+    path = tmp_path / "coast.toml"
+    path.write_text(CHEAP)
+    assert main(["map", str(path), "--out", str(tmp_path / "out"), "--angle", "10 deg"]) == 0
+    names = {"coast_tracks.gpx", "coast_tracks.kml", "coast.czml"}
+    assert {p.name for p in (tmp_path / "out").iterdir()} == names
+    assert main(["disperse", str(path), "--runs", "8", "--out", str(tmp_path / "all")]) == 0
+    capsys.readouterr()
+    words = ["map", str(tmp_path / "all" / "coast.zarr"), "--tracks", "2"]
+    assert main([*words, "--epoch", "2026-03-01T12:00:00Z"]) == 0
+    packets = json.loads((tmp_path / "all" / "coast.czml").read_text())
+    assert [x["name"] for x in packets] == ["A coast", "nominal run", "run 0", "run 1"]
+    capsys.readouterr()
+    assert main([*words, "--epoch", "soon"]) == 2
+    assert "epoch is 'soon'" in capsys.readouterr().err
+    path.write_text(CHEAP.replace("398600.4418", "42828.37"))
+    assert main(["map", str(path)]) == 2
+    assert "tracks are drawn on the Earth" in capsys.readouterr().err
