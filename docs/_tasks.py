@@ -11,6 +11,7 @@ TASKS = {
     },
     "scene": {
         "Composition": "Scene Custom",
+        "Random loads": "random_loads",
         "Analysis of effects": "explain budget EffectRow Scaled scaled outputs",
     },
     "bodies": {
@@ -19,6 +20,7 @@ TASKS = {
         "inertia principal_axes principal_frame",
         "Atmosphere and wind": "StandardAtmosphere standard_atmosphere PadAtmosphere "
         "ExponentialAtmosphere Air AbstractAtmosphere atmosphere",
+        "Random signals": "random_signals",
         "Equations of motion": "newton_euler FreeRotation",
         "Separation": "parting Detached",
         "User-defined effects, jumps and events": "AbstractEffect Load effects AbstractJump "
@@ -124,7 +126,7 @@ TASKS = {
         "Tolerance selection": "purpose",
         "Methods without sampling": "moments covariance comparison evaluate choose_method "
         "automatic",
-        "Replaying runs": "run_paths RunPaths run_states replay",
+        "Replaying runs": "run_paths RunPaths states replay",
         "Stores": "open_store DamagedStore StoreError",
         "Engines": "ProcessPool DaskCluster MultiHost Part AbstractEngine",
     },

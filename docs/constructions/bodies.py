@@ -15,6 +15,7 @@ from jaxspace.bodies import (
     RigidBody,
     StandardAtmosphere,
 )
+from jaxspace.bodies.random_signals import Fluctuation, RandomSignal
 
 BodyState(position=[7.0e6, 0.0, 0.0], velocity=[0.0, 7500.0, 0.0])
 RigidBody(mass=17.0, inertia=[1.2, 1.1, 0.4])
@@ -35,3 +36,9 @@ ExponentialAtmosphere(
     density=1.225, reference_height=0.0, scale_height=8500.0
 )
 PadAtmosphere(elevation=1400.0, temperature=308.15, pressure=86500.0)
+RandomSignal(
+    seed=3.0, duration=60.0, step=0.5, correlation_time=4.0, components=3
+)
+Fluctuation.coloured(
+    deviation=0.1, correlation_time=4.0, seed=3.0, duration=60.0, step=0.5
+)

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from . import parting as parting
     from . import principal_axes as principal_axes
     from . import principal_frame as principal_frame
+    from . import random_signals as random_signals
     from . import solids as solids
     from . import standard_atmosphere as standard_atmosphere
     from . import state as state

@@ -9,6 +9,7 @@ from ..core import InputError
 from ..io import load
 from ..io.flight_logs import read_log
 from ..io.log_comparison import LogComparison, compare_log
+from ..plots import log_figure
 from ._output import make_folder
 from ._report import attempt
 from ._waiting import waiting
@@ -60,4 +61,4 @@ def _offset(align: str) -> str | float:
 
 
 def _draw(found: LogComparison, title: str, path: str) -> None:
-    found.plot(title).savefig(path, dpi=150)
+    log_figure(found, title).savefig(path, dpi=150)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core import InputError, argument
 from ..core.status import Status
-from ..dispersion import run_states
+from ..dispersion.states import run_states
 from ..io import SceneFile, load, stored_scene
 from ..io.maps import landings_geojson, landings_kml
 from ..io.tracks import (

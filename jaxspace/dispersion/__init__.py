@@ -36,7 +36,6 @@ from ._campaign import Campaign as Campaign
 from ._engine import disperse as disperse
 from ._run_paths import RunPaths as RunPaths
 from ._run_paths import run_paths as run_paths
-from ._run_states import run_states as run_states
 from .automatic import choose_method as choose_method
 from .covariance import moments as moments
 from .reweighting import reweight as reweight
@@ -52,5 +51,6 @@ if TYPE_CHECKING:
     from . import replay as replay
     from . import reweighting as reweighting
     from . import sensitivity as sensitivity
+    from . import states as states
 else:
     __getattr__, __dir__ = _modules_of(__name__)

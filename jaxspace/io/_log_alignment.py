@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ..core import InputError
-from ._runs.channels import Curve
+from ._channels import Curve
 from .flight_logs import FlightLog
 from .units import in_unit, split
 

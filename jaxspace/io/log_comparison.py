@@ -22,7 +22,7 @@ __all__ = [
 import os
 import re
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,17 +32,15 @@ from ..core.printing import printed
 from ..core.status import Status
 from ..core.suggestions import suggests
 from ..core.text import aligned
-from ..dispersion import Campaign, run_states
+from ..dispersion import Campaign
+from ..dispersion.states import run_states
 from ..simulation.mission_result import MissionTrajectory, Simulated
 from ..statistics.curves import CurveTest, curve_test
+from ._channels import Channels, Curve, known_channel, resolved
 from ._log_alignment import Samples, clock_offset, no_common_time, peak
-from ._runs.channels import Channels, Curve, known_channel, resolved
 from ._scene_file import SceneFile
 from .flight_logs import FlightLog, column_of, read_log
 from .units import in_unit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 LEAST_ACTIVE = 20
 """Runs of a campaign that a standard deviation requires."""
@@ -124,7 +122,8 @@ class ExtremeRow(NamedTuple):
 
 @suggests
 class LogComparison(NamedTuple):
-    """A flight log beside a run; printing it shows all tables.
+    """A flight log beside a run; printing it shows all tables, and
+    `jaxspace.plots.log_figure` draws it.
 
     - `path`: of the log.
     - `offset`: added to the times of the log to give those of the run, s.
@@ -176,12 +175,6 @@ class LogComparison(NamedTuple):
         notes = [f"{k} samples of {name} are missing" for name, k in self.missing.items() if k]
         notes += [f"{self.outside} samples are outside the run"] if self.outside else []
         return "\n\n".join([*parts, *(["; ".join(notes)] if notes else [])])
-
-    def plot(self, title: str = "") -> "Figure":
-        """A figure of each channel and its residuals."""
-        from ..plots import log_figure
-
-        return log_figure(self, title)
 
 
 def compare_log(

@@ -20,14 +20,17 @@ The atmospheres are those of `bodies`. The air turns like a rigid body, heights 
 
 __all__ = ["circular_decay_rate", "drag_acceleration"]
 
+from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
 
 from ..bodies import AbstractAtmosphere, AbstractBody, AbstractEffect, BodyState, Load
+from ..bodies.random_signals import Fluctuation
 from ..core import NumberField, Scalar, Vector, output, quantity
 from ..core.formula import ABOVE_ZERO, NOT_NEGATIVE, POSITIVE, formula
+from ..core.limits import Limit
 from ..core.vectors import axis, cross, norm
 
 
@@ -81,16 +84,21 @@ class Drag(AbstractEffect):
     air_rate: NumberField = quantity(
         "rad/s", default=0.0, doc="rotation of the air about the z axis"
     )
+    fluctuation: Fluctuation | None = eqx.field(
+        default=None, metadata={"doc": "random factor on the density; none by default"}
+    )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
-        del t, body
+        del body
         assert y.position is not None and y.velocity is not None
         density = self.density_at(y.position)
+        if self.fluctuation is not None:
+            density = self.fluctuation.factor(t) * density
         v_r = self._through_air(y.position, y.velocity)
         return Load(acceleration_N=drag_acceleration(v_r, density, self.ballistic_coefficient))
 
     def density_at(self, position: Vector) -> Scalar:
-        """Density of the air, kg/m^3, at a `position`, m, (3, *runs)."""
+        """Density of the air, kg/m^3, at a `position`, m, (3, *runs), without its fluctuation."""
         return self.atmosphere.density_at(norm(position) - self.radius)
 
     @output("Pa")
@@ -111,4 +119,8 @@ class Drag(AbstractEffect):
         # Scales the density and not the ballistic coefficient, which a factor of zero would make
         # infinite.
         air = self.atmosphere.scaled(factor)
-        return Drag(self.ballistic_coefficient, air, self.radius, self.air_rate)
+        return Drag(self.ballistic_coefficient, air, self.radius, self.air_rate, self.fluctuation)
+
+    def limits(self, t: Scalar, y: BodyState, body: AbstractBody) -> Sequence[Limit]:
+        del y, body
+        return () if self.fluctuation is None else self.fluctuation.limits(t)

@@ -24,6 +24,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+from ..bodies.random_signals import Fluctuation
 from ..core import (
     FileName,
     InputError,
@@ -36,6 +37,7 @@ from ..core import (
     known_time,
     quantity,
 )
+from ..core.limits import Limit
 from ..core.shapes import with_rank
 from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float, precision_of
@@ -114,6 +116,9 @@ class Thrust(AbstractEffect):
         default=None, metadata={"doc": "thrust lost to the ambient pressure; none by default"}
     )
     delay: OptionalNumberField = delay_field()
+    fluctuation: Fluctuation | None = eqx.field(
+        default=None, metadata={"doc": "random factor on thrust and mass flow; none by default"}
+    )
 
     @classmethod
     @constructor(
@@ -231,6 +236,8 @@ class Thrust(AbstractEffect):
         thrust = self.mean_thrust * level
         if self.throttle is not None:
             thrust = self.throttle * thrust
+        if self.fluctuation is not None:
+            thrust = self.fluctuation.factor(t) * thrust
         if self.burnout_mass is None:
             return thrust
         # Compared with the state and not with the time, so that a low thrust burns longer.
@@ -282,6 +289,12 @@ class Thrust(AbstractEffect):
         c = self.misalignment
         length_squared = 1.0 + c[0] * c[0] + c[1] * c[1]
         return jnp.stack([c[0] * one, c[1] * one, one]) * inverse_sqrt(length_squared)
+
+    def limits(self, t: Scalar, y: BodyState, body: AbstractBody) -> Sequence[Limit]:
+        del y, body
+        # The signal may end with the burn.
+        burning = t <= self.burnout()
+        return () if self.fluctuation is None else self.fluctuation.limits(t, burning)
 
     def switches(self) -> dict[str, str]:
         return {} if self.burnout_mass is None else {"Thrust.burnout_mass": "mass"}

@@ -14,5 +14,6 @@ from ._scene import Scene as Scene
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.
     from . import outputs as outputs
+    from . import random_loads as random_loads
 else:
     __getattr__, __dir__ = _modules_of(__name__)

@@ -26,10 +26,11 @@ import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, NamedTuple
 
 from ..core.file_names import file_name_fault
 from ..core.printing import printed
+from ..core.record import Record
 from ..core.text import printable
 from ..statistics import Dispersion
 from ._errors import StoreError
@@ -62,7 +63,7 @@ class ArchiveRecord(NamedTuple):
 
     digest: str
     files: dict[str, tuple[int, str]]
-    campaign: dict[str, Any]
+    campaign: Record
 
 
 def archive_store(
@@ -279,7 +280,7 @@ def _fault(name: str) -> str:
 
 def _manifest(
     path: Path, archive: zipfile.ZipFile, entries: Mapping[str, zipfile.ZipInfo]
-) -> dict[str, Any]:
+) -> Record:
     entry = entries.get(MANIFEST_FILE)
     if entry is None or entry.file_size > LARGEST_MANIFEST:
         raise StoreError(f"{path} has no {MANIFEST_FILE}: it must be an archive of a campaign.")
@@ -297,7 +298,7 @@ def _manifest(
 
 
 def _listed(
-    path: Path, manifest: Mapping[str, Any], entries: Mapping[str, zipfile.ZipInfo]
+    path: Path, manifest: Record, entries: Mapping[str, zipfile.ZipInfo]
 ) -> dict[str, tuple[int, str]]:
     """Size and checksum of each file, for exactly the files that are there."""
     files: dict[str, tuple[int, str]] = {}

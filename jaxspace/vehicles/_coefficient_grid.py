@@ -10,8 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..core import InputError, check
+from ..core.hermite import monotone_slopes
 from ._aerodynamic_file import COEFFICIENTS
-from ._hermite import monotone_slopes
 
 AXES = ("mach", "angle", "roll", "reynolds")
 UNITS = {"mach": "", "angle": " rad", "roll": " rad", "reynolds": ""}

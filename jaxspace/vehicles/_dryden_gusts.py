@@ -25,10 +25,10 @@ a state has no derivative: an adaptive method of high order could not resolve it
 depend on the accuracy. A sampled field is a smooth function of the height. It is the same for a
 booster and its parachute, during ascent and descent, for every accuracy, in both modes of
 differentiation and for any steps of a batch. Its nodes follow the exact discrete form of Dryden's
-filters (`_random_paths.py`) over the distance in units of L, so that scale and strength may change
-with the height. Between them it is cubic with a continuous slope (`_hermite.py`): no time is a
-break. Frequencies above those of the nodes are cut off, which removes a few hundredths of the
-variance with 16 nodes per length.
+filters (`random_paths.py`) over the distance in units of L, so that scale and strength may
+change with the height. Between them it is cubic with a continuous slope (`hermite.py`): no
+time is a break. Frequencies above those of the nodes are cut off, which removes a few hundredths of
+the variance with 16 nodes per length.
 
 Source: MIL-F-8785C, 3.7.1 and 3.7.2; MIL-HDBK-1797, 4.9; Beal, Digital Simulation of Atmospheric
 Turbulence for Dryden and von Karman Models, J. Guidance 16, 1993, 132.
@@ -53,11 +53,11 @@ from ..core import (
     constructor,
     quantity,
 )
+from ..core.hermite import cubic, stacked
 from ..core.quantities import check_declared
+from ..core.random_paths import longitudinal, normal_numbers, transverse
 from ..core.shapes import with_rank
 from ..core.types import as_float
-from ._hermite import cubic, stacked
-from ._random_paths import longitudinal, normal_numbers, transverse
 
 FOOT = 0.3048
 LOWEST = 10.0 * FOOT

@@ -9,10 +9,10 @@
     c, gamma       speed of sound, ratio of heats         m/s, 1
 
 Between the levels ln T, ln p and the wind are cubic with a continuous slope, linear in their values
-at the levels (`_hermite.py`): derivatives with respect to these are exact, also for zero wind and
-constant temperature. Beyond the levels the temperature and the wind stay, and the pressure falls as
-that of isothermal air in equilibrium. Humidity is left out: moist air of the tropics is lighter by
-up to 1.5 percent.
+at the levels (`hermite.py`): derivatives with respect to these are exact, also for zero
+wind and constant temperature. Beyond the levels the temperature and the wind stay, and the pressure
+falls as that of isothermal air in equilibrium. Humidity is left out: moist air of the tropics is
+lighter by up to 1.5 percent.
 
 Source: U.S. Standard Atmosphere, 1976 (NOAA-S/T 76-1562), Eqs. 33, 42, 50; World Meteorological
 Organization, Guide to Instruments, I.12 (soundings).
@@ -29,9 +29,9 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractAtmosphere, Air
 from ..bodies.atmosphere import dry_air, isothermal_ratio
 from ..core import FileName, NumberField, Scalar, constructor, quantity
+from ..core.hermite import cubic, interval, stacked
 from ..core.quantities import check_declared
 from ..core.types import as_float
-from ._hermite import cubic, interval, stacked
 from ._sounding_file import read_sounding_file
 from .local_air import AbstractWind, check_nodes
 

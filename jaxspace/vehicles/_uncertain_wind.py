@@ -10,7 +10,7 @@
 
 The recursion is exact: it is the Cholesky factor of that covariance, because the errors over height
 form a Markov chain. East and north err independently. Between the heights the wind is cubic, and
-linear in m, s and z (`_hermite.py`).
+linear in m, s and z (`hermite.py`).
 
 Source: Gardiner, Handbook of Stochastic Methods, 4.4.
 """
@@ -23,11 +23,11 @@ import numpy.typing as npt
 from jaxtyping import Array, Float
 
 from ..core import NumberField, Scalar, argument, constructor, quantity
+from ..core.hermite import cubic, stacked
 from ..core.quantities import check_declared, quantities
+from ..core.random_paths import longitudinal, normal_numbers
 from ..core.shapes import with_rank
 from ..core.types import as_float
-from ._hermite import cubic, stacked
-from ._random_paths import longitudinal, normal_numbers
 from ._sounding_file import FASTEST
 from .local_air import AbstractWind, check_nodes
 

@@ -16,7 +16,7 @@
 
 Transverse coefficients are stored divided by sin(alpha). So stored it is even in the angle, and the
 force is right and has a slope where the flow comes from ahead and no plane is defined. Between the
-points all is cubic with a continuous slope (`_hermite.py`): even about 0 and 180 degrees, and
+points all is cubic with a continuous slope (`hermite.py`): even about 0 and 180 degrees, and
 periodic in the roll, whose last point is a period behind the first.
 
 Beyond the greatest angle a of the table the force follows the components of the flow: C_N is
@@ -50,11 +50,11 @@ from ..core import (
     quantity,
 )
 from ..core.formula import POSITIVE, formula
+from ..core.hermite import of_all_runs, product
 from ..core.limits import Limit, any_passed
 from ..core.types import as_float
 from ._aerodynamic_file import read_columns
 from ._coefficient_grid import AXES, AXIAL, on_grid
-from ._hermite import of_all_runs, product
 from .coefficient import MachTable
 
 # Held by cos(alpha), which would divide by zero for a table that ends closer to 90 degrees.

@@ -13,6 +13,7 @@ from jaxspace.core import InputError, output
 from jaxspace.dispersion import Campaign, Normal
 from jaxspace.io.flight_logs import read_log
 from jaxspace.io.log_comparison import compare_log
+from jaxspace.plots import log_figure
 from jaxspace.statistics.curves import curve_test
 from jaxspace.vehicles.ground_gravity import GroundGravity
 
@@ -128,7 +129,7 @@ def test_a_campaign_gives_mean_deviation_and_probability(tmp_path):
     expected = x.test.chi_square / (1.0 + (100.0 / (2.0 * np.linalg.norm(t))) ** 2)
     assert wide.channels[0].test.chi_square == pytest.approx(expected, rel=0.25)
     assert "chi-square" in str(found)
-    assert len(found.plot("A throw").axes) == 2
+    assert len(log_figure(found, "A throw").axes) == 2
 
 
 def test_the_probability_of_curves_of_the_same_kind_is_uniform():

@@ -36,7 +36,8 @@ def orbit():
 @pytest.fixture(scope="module")
 def flight():
     """A throw to the north from a site, of a body that turns once about its axis to the east."""
-    scene = Scene([GroundGravity(9.8)], RigidBody(1.0, (1.0, 1.0, 1.0)))
+    body = RigidBody(1.0, (1.0, 1.0, 1.0))
+    scene = Scene([GroundGravity(9.8)], body, carry=("attitude", "omega"))
     y0 = BodyState(
         jnp.zeros(3),
         jnp.array([0.0, 100.0, 49.0]),

@@ -13,10 +13,10 @@ from test_vehicles import NOSE, ROCKETS, vehicle
 from jaxspace import Scene, load, simulate, simulate_batch
 from jaxspace.bodies import BodyState, ExponentialAtmosphere, RigidBody
 from jaxspace.core import InputError
+from jaxspace.core.hermite import cubic, monotone_slopes
 from jaxspace.rotations import Quaternion, from_euler_angles
 from jaxspace.simulation import Status
 from jaxspace.vehicles import Aerodynamics, TabulatedAerodynamics
-from jaxspace.vehicles._hermite import cubic, monotone_slopes
 from jaxspace.vehicles.aerodynamic_table import AerodynamicTable, read_aerodynamics
 from jaxspace.vehicles.coefficient import MachTable
 from jaxspace.vehicles.local_air import LocalAir

@@ -13,6 +13,7 @@ from jaxspace import Scene, load, simulate
 from jaxspace.bodies import BodyState, RigidBody
 from jaxspace.bodies.standard_atmosphere import geometric_height, standard_atmosphere
 from jaxspace.core import InputError
+from jaxspace.core.random_paths import _fresh, longitudinal, transverse
 from jaxspace.dispersion import disperse
 from jaxspace.vehicles import (
     DrydenGusts,
@@ -27,7 +28,6 @@ from jaxspace.vehicles._dryden_gusts import (
     dryden_intensities,
     dryden_lengths,
 )
-from jaxspace.vehicles._random_paths import _fresh, longitudinal, transverse
 from jaxspace.vehicles.ground_gravity import GroundGravity
 from jaxspace.vehicles.local_air import LocalAir
 from jaxspace.vehicles.sounding import read_sounding

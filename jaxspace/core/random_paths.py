@@ -25,7 +25,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-from ..core import Scalar
+from .types import Scalar
 
 # Weights of both states in the transverse sequence, and their stationary covariance.
 TAKEN = np.array([np.sqrt(3.0), 1.0 - np.sqrt(3.0)])
@@ -35,17 +35,24 @@ STATIONARY = np.array([[0.5, 0.25], [0.25, 0.25]])
 def normal_numbers(seed: Scalar, shape: tuple[int, ...]) -> Float[Array, "..."]:
     """Standard normal numbers of each seed, (*shape, *runs).
 
-    Any number is a seed, in single precision: another one gives other numbers. Derivatives by it
-    are zero."""
+    Any number is a seed: another one gives other numbers. Derivatives by it are zero."""
     seed = lax.stop_gradient(jnp.asarray(seed))
-    bits = lax.bitcast_convert_type(seed.astype(jnp.float32), jnp.uint32)
+    single = seed.astype(jnp.float32)
+    # Seeds that differ beyond single precision differ, too: of many drawn seeds two would agree.
+    rest = (seed - single.astype(seed.dtype)).astype(jnp.float32)
+    bits, more = (lax.bitcast_convert_type(x, jnp.uint32).reshape(-1) for x in (single, rest))
     # The generator is fixed whatever the settings, so that a seed means the same everywhere.
     root = jax.random.key(0, impl="threefry2x32")
 
-    def drawn(number: Array) -> Array:
-        return jax.random.normal(jax.random.fold_in(root, number), shape, seed.dtype)
+    def drawn(number: Array, rest: Array) -> Array:
+        key = jax.random.fold_in(root, number)
+        # A number of single precision means the same in double precision.
+        data = jax.random.key_data(jax.random.fold_in(key, rest))
+        data = jnp.where(rest == 0, jax.random.key_data(key), data)
+        key = jax.random.wrap_key_data(data, impl="threefry2x32")
+        return jax.random.normal(key, shape, seed.dtype)
 
-    numbers = jax.vmap(drawn)(bits.reshape(-1))
+    numbers = jax.vmap(drawn)(bits, more)
     return jnp.moveaxis(numbers, 0, -1).reshape(*shape, *seed.shape)
 
 

@@ -1,5 +1,7 @@
 """Some runs of a campaign with their states, for comparisons with measurements."""
 
+__all__ = ["run_states"]
+
 import dataclasses
 
 import jax

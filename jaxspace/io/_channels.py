@@ -12,18 +12,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ...core import InputError, State
-from ...core.jit import compiled, quick_jit
-from ...core.quantities import quantities
-from ...simulation import MissionTrajectory, Trajectory
-from ...simulation.mission_result import Simulated
-from .._kinds.errors import hint
-from .._mission.states import parts_of_state
-from .._requests.output_entries import read_output, unit_of
-from .._requests.output_spec import OutputSpec, arguments_of
-from .._scene_file import SceneFile
-from .nominal import as_batch
-from .outputs import Outputs, at_path
+from ..core import InputError, State
+from ..core.jit import compiled, quick_jit
+from ..core.quantities import quantities
+from ..simulation import MissionTrajectory, Trajectory
+from ..simulation.mission_result import Simulated
+from ._kinds.errors import hint
+from ._mission.states import parts_of_state
+from ._requests.output_entries import read_output, unit_of
+from ._requests.output_spec import OutputSpec, arguments_of
+from ._runs.nominal import as_batch
+from ._runs.outputs import Outputs, at_path
+from ._scene_file import SceneFile
 
 FINE = 1000
 """States of a phase between which channels are interpolated."""

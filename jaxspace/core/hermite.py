@@ -42,10 +42,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..core import Scalar
-from ..core.barrier import barrier
-from ..core.checks import is_concrete
-from ..core.shapes import with_rank
+from .barrier import barrier
+from .checks import is_concrete
+from .shapes import with_rank
+from .types import Scalar
 
 Known: TypeAlias = Array | np.ndarray
 
