@@ -49,6 +49,7 @@ from jaxspace.rockets import (
 )
 from jaxspace.rockets.steering import AlongVelocity, FixedDirection
 from jaxspace.scene import Scaled
+from jaxspace.scene.random_loads import RandomAcceleration, RandomTorque
 from jaxspace.vehicles import (
     Aerodynamics,
     AirBrake,
@@ -269,6 +270,19 @@ MORE = [
             (
                 GroundGravity(9.79, RADIUS),
                 TabulatedAerodynamics(COEFFICIENTS, MEASURED, 0.4, fins=AIRFRAME[1]),
+            ),
+            RigidBody(16.0, [8.0, 8.0, 0.04]),
+        ),
+        ROCKET,
+        1.0,
+    ),
+    Sample(
+        "random_loads",
+        Scene(
+            (
+                GroundGravity(9.81),
+                RandomAcceleration.coloured(0.1 * jnp.ones(3), 2.0, 3.0, 10.0, 0.5),
+                RandomTorque.white(0.1 * jnp.ones(3), 4.0, 10.0, 0.5),
             ),
             RigidBody(16.0, [8.0, 8.0, 0.04]),
         ),

@@ -77,9 +77,9 @@ class RandomSignal(AbstractParameters):
     seed: NumberField = quantity(
         "", doc="any number: each one gives another signal; in a campaign, one for each run"
     )
-    # Static: they set how many values there are.
-    duration: float = eqx.field(static=True)
-    step: float = eqx.field(static=True)
+    # Static: they set how many values there are. The checker takes the quantity for a default.
+    duration: float = eqx.field(static=True)  # pyright: ignore[reportGeneralTypeIssues]
+    step: float = eqx.field(static=True)  # pyright: ignore[reportGeneralTypeIssues]
     correlation_time: OptionalNumberField = quantity(
         "s", positive=True, optional=True, doc="without it the noise is white"
     )
@@ -113,7 +113,7 @@ class RandomSignal(AbstractParameters):
             steps = jnp.broadcast_to(self.step / tau, (count - 1, *jnp.shape(tau)))
             rows = [longitudinal(steps, x[:, k]) for k in range(components)]
             x = jnp.stack(rows, axis=1)
-        self.data = with_slopes(self.step * np.arange(count), x)
+        self.data = with_slopes((self.step * np.arange(count)).astype(x.dtype), x)
 
     def at(self, t: Scalar) -> Float[Array, "components *#runs"]:
         """The signal at the time `t`, s; before its start and behind its end that of the end."""

@@ -43,7 +43,7 @@ def compare(
         compare_log, nominal, table, channels or None, scene=file, align=offset
     )
     with warnings_as_lines(), waiting("comparing"):
-        if campaign is None:
+        if campaign is None or runs is None:
             found = compared()
         else:
             found = compared(campaign=campaign, runs=runs, seed=file.seed)

@@ -300,7 +300,8 @@ def tracks_czml(
 
 
 def _packet(number: int, track: EarthTrack, start: Instant) -> dict[str, object]:
-    place = GroundPoint(*(jnp.asarray(np.radians(x)) for x in track[3:1:-1]), track.altitude)
+    latitude, longitude = (jnp.asarray(np.radians(x)) for x in (track.latitude, track.longitude))
+    place = GroundPoint(latitude, longitude, jnp.asarray(track.altitude))
     position = np.asarray(position_of(place, jnp.asarray(0.0), RADIUS, FLATTENING))
     epoch = _stamp(start, 0.0)
     degree = min(3, track.times.size - 1)

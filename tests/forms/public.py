@@ -61,7 +61,7 @@ LEFT_OUT: dict[str, list[str]] = {
         attitude.DipoleField mechanics.AbstractLagrangian.projected rockets.GravityTurn.closed_form
         rockets.SteeredThrust.propellant_left vehicles.Rail.rail_exit
         vehicles.LaunchSite.distance vehicles.LaunchSite.drift vehicles.LaunchSite.winds
-        vehicles.landing vehicles.landing_latitude vehicles.landing_longitude
+        vehicles.landing vehicles.ground_place vehicles.landing_latitude vehicles.landing_longitude
         vehicles.Aerodynamics.centre_of_pressure control.CommandedMotor.torque
         attitude.AttitudeDrift.closed_form attitude.UnwindingCords.closed_form *.start *.part
         bodies.with_parts attitude.continuous_precession
@@ -124,7 +124,7 @@ LEFT_OUT: dict[str, list[str]] = {
     """.split(),
     "random number generation": """
         gyros.gyro_noise control.StarTracker* control.Sensor.*
-        vehicles.UncertainWind* vehicles.DrydenGusts*
+        vehicles.UncertainWind* vehicles.DrydenGusts* bodies.RandomSignal* bodies.Fluctuation*
     """.split(),
     "discrete-time systems with memory, covered by `verify` and separate tests": """
         control.* rockets.ThrottledEngine* rockets.servo_rate

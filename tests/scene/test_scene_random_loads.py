@@ -63,7 +63,7 @@ def test_white_noise_and_linear_covariance_agree_with_the_closed_form():
     density, t = 0.02, 40.0
     scene = Scene([white(jnp.arange(float(RUNS)), density)], BODY)
     run = simulate_batch(scene, still(RUNS), jnp.array([0.0, t]), accuracy=1e-6)
-    assert np.all(run.status == Status.OK)
+    assert np.all(run.status == Status.COMPLETED)
     x, v = np.asarray(run.final.position), np.asarray(run.final.velocity)
     # Components are independent: three times as many samples.
     exact = {"v": density * t, "x": density * t**3 / 3.0, "xv": density * t**2 / 2.0}
@@ -97,7 +97,8 @@ def test_a_run_is_the_same_in_any_batch_and_at_any_tolerance():
     every = simulate_batch(Scene([white(seeds, 0.02)], BODY), still(3), ts, accuracy=1e-8)
     part = simulate_batch(Scene([white(seeds[1:2], 0.02)], BODY), still(1), ts, accuracy=1e-8)
     one = simulate(Scene([white(seeds[1], 0.02)], BODY), still(), ts, accuracy=1e-5)
-    np.testing.assert_allclose(part.final.position[:, 0], every.final.position[:, 1], rtol=1e-12)
+    # The steps of a batch are those of all its runs: equal to the tolerance.
+    np.testing.assert_allclose(part.final.position[:, 0], every.final.position[:, 1], rtol=1e-5)
     np.testing.assert_allclose(one.final.position, every.final.position[:, 1], rtol=1e-3)
 
 
@@ -156,8 +157,8 @@ def test_times_behind_the_signal_and_bad_numbers():
     for given, sentence in (
         ((1.0, 10.0, -1.0), "RandomSignal.step is -1"),
         ((1.0, 0.0, 1.0), "RandomSignal.duration is 0"),
-        ((1.0, 1e7, 1.0), "RandomSignal.step is 1.0: it must be at least 1/200000"),
-        ((1.0, 10.0, 1.0, 0.5), "RandomSignal.step is 1.0: it must be at most the correlation"),
+        ((1.0, 1e7, 1.0), "RandomSignal.step is 1: it must be at least 1/200000"),
+        ((1.0, 10.0, 1.0, 0.5), "RandomSignal.step is 1: it must be at most the correlation"),
         ((np.nan, 10.0, 1.0), "RandomSignal.seed"),
     ):
         with pytest.raises(InputError, match=sentence):
@@ -211,10 +212,11 @@ def test_a_file_disperses_the_noise_and_extends_without_a_change(tmp_path):
     campaign = file.campaign()
     store = tmp_path / "noise.zarr"
     few = disperse(campaign, 8, seed=4, store=store)
-    scatter = np.std(few.outputs["final.velocity.0"])
-    assert np.all(few.good) and scatter > 0.0
+    # Read now, because the store is extended below.
+    before = {name: np.array(x) for name, x in few.outputs.items()}
+    assert np.all(few.good) and np.std(before["final.velocity.0"]) > 0.0
     disperse(campaign, 16, seed=4, store=store, resume=True)
     more = disperse(campaign, 16, seed=4)
-    for name in few.outputs:
+    for name in before:
         np.testing.assert_array_equal(open_store(store).outputs[name], more.outputs[name])
-        np.testing.assert_array_equal(few.outputs[name], more.outputs[name][:8])
+        np.testing.assert_array_equal(before[name], more.outputs[name][:8])
