@@ -68,7 +68,8 @@ CORRELATION_TIME = argument(
 class RandomSignal(AbstractParameters):
     """A signal with the standard deviation one, of one or of several independent components.
 
-    - `duration`: s, of the signal, which starts at t = 0; `step`: s, between its values.
+    - `duration`, s: of the signal, which starts at t = 0.
+    - `step`, s: between its values.
     - `components`: their number.
 
     Raises `InputError` for a number outside of its range, for more than 200,000 values, and for a
@@ -143,7 +144,9 @@ def deviation_of_white(density: Scalar, step: float) -> Scalar:
 
 @final
 class Fluctuation(AbstractParameters):
-    """A random factor 1 + sigma x(t) with the mean one, on a density or a thrust."""
+    """A random factor 1 + sigma x(t) with the mean one, on a density or a thrust.
+
+    - `signal`: x, of one component."""
 
     signal: RandomSignal
     deviation: NumberField = quantity(

@@ -9,7 +9,7 @@ from ..core import InputError
 from ..io import load
 from ..io.flight_logs import read_log
 from ..io.log_comparison import LogComparison, compare_log
-from ..plots import log_figure
+from ..plots.flight_log import log_figure
 from ._output import make_folder
 from ._report import attempt
 from ._waiting import waiting

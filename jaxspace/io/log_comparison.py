@@ -101,7 +101,7 @@ class ResidualRow(NamedTuple):
     time: float
 
 
-@printed(measured="", predicted="", difference="", measured_time="s", predicted_time="s")
+@printed(measured="", predicted="", measured_time="s", predicted_time="s")
 class ExtremeRow(NamedTuple):
     """The `which` (greatest or least) value of a channel within the common time, and its time on
     the clock of the run, s, in the log and in the run."""
@@ -123,10 +123,10 @@ class ExtremeRow(NamedTuple):
 @suggests
 class LogComparison(NamedTuple):
     """A flight log beside a run; printing it shows all tables, and
-    `jaxspace.plots.log_figure` draws it.
+    `jaxspace.plots.flight_log.log_figure` draws it.
 
     - `path`: of the log.
-    - `offset`: added to the times of the log to give those of the run, s.
+    - `offset`: seconds added to the times of the log to give those of the run.
     - `alignment`: how it was determined.
     - `channels`: the residuals of each column.
     - `phases`: names of the phases of the run.

@@ -10,7 +10,6 @@ from ._designs_figure import designs_figure as designs_figure
 from ._designs_page import designs_page as designs_page
 from ._dispersion_figure import dispersion_figure as dispersion_figure
 from ._dispersion_page import dispersion_page as dispersion_page
-from ._log_figure import log_figure as log_figure
 from ._modes_figure import bode_figure as bode_figure
 from ._modes_figure import root_locus_figure as root_locus_figure
 from ._porkchop_figure import porkchop_figure as porkchop_figure
@@ -24,6 +23,7 @@ from .footprint import footprint_figure as footprint_figure
 
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.
+    from . import flight_log as flight_log
     from . import footprint as footprint
 else:
     __getattr__, __dir__ = _modules_of(__name__)

@@ -42,7 +42,9 @@ def _load(signal: RandomSignal, deviation: Vector, t: Scalar) -> Vector:
 
 @final
 class RandomAcceleration(AbstractEffect):
-    """A random acceleration of the centre of mass, with independent components in inertial axes."""
+    """A random acceleration of the centre of mass, with independent components in inertial axes.
+
+    - `signal`: x, of three components."""
 
     signal: RandomSignal
     deviation: Float[Array, "3 *#runs"] = quantity(
@@ -105,7 +107,9 @@ class RandomAcceleration(AbstractEffect):
 
 @final
 class RandomTorque(AbstractEffect):
-    """A random torque about the centre of mass, with independent components in body axes."""
+    """A random torque about the centre of mass, with independent components in body axes.
+
+    - `signal`: x, of three components."""
 
     signal: RandomSignal
     deviation: Float[Array, "3 *#runs"] = quantity(

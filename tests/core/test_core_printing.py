@@ -46,6 +46,7 @@ NO_RESULTS = {
 OWN = {
     "AccuracyCost",
     "CampaignComparison",
+    "LogComparison",
     "Setting",
     "Dispersion",
     "EffectBudget",

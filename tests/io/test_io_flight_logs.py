@@ -13,7 +13,7 @@ from jaxspace.core import InputError, output
 from jaxspace.dispersion import Campaign, Normal
 from jaxspace.io.flight_logs import read_log
 from jaxspace.io.log_comparison import compare_log
-from jaxspace.plots import log_figure
+from jaxspace.plots.flight_log import log_figure
 from jaxspace.statistics.curves import curve_test
 from jaxspace.vehicles.ground_gravity import GroundGravity
 

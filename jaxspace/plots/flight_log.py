@@ -1,5 +1,7 @@
 """Figure of a flight log beside a run: each channel, and its residuals below."""
 
+__all__ = ["log_figure"]
+
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
