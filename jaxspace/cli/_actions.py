@@ -27,10 +27,11 @@ def new(given: argparse.Namespace) -> int:
 
 def run(given: argparse.Namespace) -> int:
     """Run the scene or mission of the file once."""
-    from . import _commands
+    from . import _commands, _ephemeris
 
     settle(once=True)
-    return _commands.run(given.file, given.out, given.show, given.modules)
+    ephemeris = _ephemeris.EphemerisOptions(given.write, given.epoch, given.centre, given.frame)
+    return _commands.run(given.file, given.out, given.show, given.modules, ephemeris)
 
 
 def disperse(given: argparse.Namespace) -> int:

@@ -24,6 +24,7 @@ from ..simulation import Mission, MissionTrajectory, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..studies.budget_table import effect_names
 from ..studies.cost_table import price_table
+from ._ephemeris import EphemerisOptions, write_ephemeris
 from ._optimize_design import optimize_design
 from ._output import make_folder, replacing, write_text
 from ._waiting import progress, waiting
@@ -35,9 +36,20 @@ Confirmed: TypeAlias = tuple[Optimum, tuple[float, ...], MissionTrajectory]
 PICTURED = 4000
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
+# The options of a run that writes none.
+NOT_WRITTEN = EphemerisOptions()
 
-def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ()) -> int:
-    """Simulate the nominal run, print how it ended, draw it, and show it in the browser."""
+
+def run(
+    path: str,
+    folder: str,
+    show: bool = False,
+    modules: Sequence[str] = (),
+    written: EphemerisOptions = NOT_WRITTEN,
+) -> int:
+    """Simulate the nominal run, print how it ended, draw it, show it in the browser, and write its
+    states as a file of the kind of the options `written`."""
+    written.check()
     file = load(path, modules=modules)
     make_folder(folder)
     if isinstance(file.system, Mission):
@@ -58,6 +70,8 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
         print(report)
         result = result.trajectory if isinstance(result, LoopRun) else result
         draw(file, result, path_of(file, folder, ".png"))
+    if written.kind is not None:
+        write_ephemeris(file.title, result, path_of(file, folder, ".oem"), written)
     if show:
         show_page(file, result, path_of(file, folder, "_run.html"))
     elif file.values["dispersion"] is not None:

@@ -134,6 +134,24 @@ def _run_options(run: argparse.ArgumentParser) -> None:
     run.add_argument(
         "--show", action="store_true", help="open an animated 3-D view of the run in the browser"
     )
+    run.add_argument(
+        "--write",
+        choices=("oem",),
+        help="also write the states as a file of this kind: oem, a CCSDS orbit ephemeris message "
+        "with a segment for each phase (requires --epoch)",
+    )
+    run.add_argument(
+        "--epoch", metavar="DATE", help="UTC at t = 0 for --write, such as 2026-03-01T12:00:00"
+    )
+    run.add_argument(
+        "--centre",
+        metavar="NAME",
+        default="EARTH",
+        help="central body for --write (default: EARTH)",
+    )
+    run.add_argument(
+        "--frame", metavar="NAME", default="EME2000", help="axes for --write (default: EME2000)"
+    )
 
 
 def _resume_options(resume: argparse.ArgumentParser) -> None:

@@ -6,7 +6,7 @@ Specification. States and covariances are read in both notations and written as 
 accelerations are skipped, and each segment of a file is one ephemeris.
 """
 
-__all__ = ["Ephemeris", "StateCovariance", "read_oem", "write_oem"]
+__all__ = ["Ephemeris", "StateCovariance", "check_epoch", "read_oem", "write_oem"]
 
 import os
 from datetime import UTC, datetime, timedelta
@@ -23,6 +23,7 @@ from ..core.files import read_text
 from ..core.printing import printed
 from ..orbits import TabulatedPath
 from ..sampling import MultivariateNormal
+from ..simulation import Trajectory
 from ._covariance import distribution_of
 from ._epochs import ALLOWED, Instant, instant
 from ._messages import (
@@ -77,6 +78,40 @@ class Ephemeris(NamedTuple):
     frame: str = "EME2000"
     time_system: str = "UTC"
     covariances: tuple[StateCovariance, ...] = ()
+
+    @classmethod
+    def of_run(
+        cls,
+        run: Trajectory,
+        epoch: str,
+        name: str = "",
+        centre: str = "EARTH",
+        frame: str = "EME2000",
+        time_system: str = "UTC",
+    ) -> "Ephemeris":
+        """The states of a run.
+
+        **Arguments**
+
+        - `run`: a single one, of a body with position and velocity; its states that are not finite
+          and its times after an event are left out.
+        - `epoch`: of the time zero, text of ISO 8601.
+        - `name`, `centre`, `frame`, `time_system`: as in the class.
+
+        **Raises** `InputError` for an epoch that is not a time, and for another run."""
+        check_epoch("epoch", epoch)
+        r, v = (getattr(run.states, part, None) for part in ("position", "velocity"))
+        if r is None or v is None or run.run_axes:
+            raise InputError(
+                "The run has no ephemeris: it must be a single run of a body with position and "
+                "velocity."
+            )
+        ts, r, v = (np.asarray(x, float) for x in (run.ts, r, v))
+        # After an event the time of the event is repeated.
+        later = np.concatenate([[True], ts[1:] > np.maximum.accumulate(ts)[:-1]])
+        kept = later & np.all(np.isfinite(np.concatenate([r, v])), axis=0)
+        states = cls(epoch, ts[kept], r[:, kept], v[:, kept], name)
+        return states._replace(centre=centre, frame=frame, time_system=time_system)
 
     def path(self) -> TabulatedPath:
         """The positions as a path for effects, whose time zero is the epoch."""
@@ -337,6 +372,11 @@ def write_oem(
                 lines += [" ".join(row) for row in triangle_of(matrix)]
             lines.append("COVARIANCE_STOP")
     Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def check_epoch(name: str, text: str) -> None:
+    """Raise `InputError`, by the `name` of the field, for a text that is not a time of ISO 8601."""
+    _time(name, text)
 
 
 def _time(name: str, text: str) -> Instant:

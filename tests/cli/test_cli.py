@@ -24,8 +24,10 @@ from jaxspace import load
 from jaxspace.cli import main
 from jaxspace.cli._settings import settle
 from jaxspace.cli._waiting import progress, waiting
+from jaxspace.core import InputError
 from jaxspace.dispersion import open_store
 from jaxspace.io import SceneFile
+from jaxspace.io.ephemeris import Ephemeris, read_oem
 from jaxspace.simulation import MissionTrajectory
 from jaxspace.solvers import Tsit5
 from jaxspace.studies import accuracy_cost
@@ -221,6 +223,38 @@ def test_textbook_files_run(tmp_path, capsys, name):
         and "reached its end within the tolerance" in printed
     )
     assert (tmp_path / f"{name}.png").exists()
+
+
+def test_a_run_is_written_as_an_ephemeris(tmp_path, capsys):
+    """The states of the picture in a message that others read; refused before the run."""
+    scene = str(SCENES / "two_body.toml")
+    epoch = "2026-03-01T12:00:00"
+    given = ["run", scene, "--out", str(tmp_path), "--write", "oem"]
+    assert main([*given, "--epoch", epoch, "--centre", "moon", "--frame", "ICRF"]) == 0
+    assert f"ephemeris {tmp_path / 'two_body.oem'}" in capsys.readouterr().out
+    (found,) = read_oem(tmp_path / "two_body.oem")
+    file = load(scene)
+    assert (found.centre, found.frame, found.name) == ("MOON", "ICRF", file.title)
+    assert found.epoch.startswith(epoch) and found.times[0] == 0.0
+    np.testing.assert_allclose(found.times[-1], file.ts[-1], atol=1e-9)
+    np.testing.assert_array_equal(found.position[:, 0], file.y0.position)
+    np.testing.assert_allclose(found.position[:, -1], file.simulate().final.position, rtol=1e-9)
+    (tmp_path / "two_body.oem").unlink()
+    for wrong, sentence in (
+        (given, "--write requires --epoch, UTC at t = 0"),
+        ([*given, "--epoch", "today"], "--epoch is 'today': it must be a time such as"),
+        ([*given, "--epoch", epoch, "--frame", "a\nb"], "--frame is 'a\\nb': it must be a name"),
+        (["run", scene, "--epoch", epoch], "--epoch requires --write oem"),
+    ):
+        assert main(wrong) == 2
+        assert sentence in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.oem"))
+
+
+def test_a_run_without_a_place_has_no_ephemeris():
+    run = load(SCENES / "top.toml").simulate()
+    with pytest.raises(InputError, match="single run of a body with position and velocity"):
+        Ephemeris.of_run(run, "2026-03-01T12:00:00")
 
 
 def test_a_mission_meets_its_error_and_names_its_file_for_the_next_command(tmp_path, capsys):
