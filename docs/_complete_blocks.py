@@ -83,10 +83,17 @@ def programs(markdown: str) -> list[str]:
     found = []
     for fence, source in FENCE.findall(markdown):
         found.append(complete([*earlier, source]))
-        # A block with a title may belong to another library, whose names are others.
-        if fence == "python" or "jaxspace" in source:
+        # A block with a title may belong to another library, whose names are others, unless it
+        # writes a file.
+        if fence == "python" or "jaxspace" in source or _writes_file(source):
             earlier.append(source)
     return found
+
+
+def _writes_file(block: str) -> bool:
+    return any(
+        FILE.fullmatch(name) for s in statements(block) for name in s.defines
+    )
 
 
 def complete(blocks: list[str]) -> str:
