@@ -1,12 +1,12 @@
-"""Scene files: those that come with the package, and loading; the reader is imported on first
-use."""
+"""Loading of scene files, and the bundled examples; the reader is imported on first use."""
 
 import os
 from collections.abc import Iterable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from .io import SceneFile
 
 
@@ -38,28 +38,15 @@ def load(
     return load_file(path, also, modules=modules)
 
 
-def example(name: str) -> Path:
+def example(name: str) -> "Path":
     """The path of an example scene that is included in the package, for `load`.
 
     **Arguments**
 
     - `name`: such as "kick_stage"; `jaxspace examples` lists all names.
 
-    **Raises** `jaxspace.core.InputError` for an unknown name, with similar names."""
-    path = scenes() / f"{name}.toml"
-    names = sorted(file.stem for file in scenes().glob("*.toml"))
-    if name not in names:
-        from .core import InputError
+    **Raises** `jaxspace.core.InputError` for an unknown name, with similar names. Requires the
+    extra `app`, as `load` does."""
+    from .io import example as example_file
 
-        raise InputError(
-            f"{name} is not a bundled example: `jaxspace examples` lists "
-            f"them.{InputError.hint(name, names)}"
-        )
-    return path
-
-
-def scenes() -> Path:
-    """The folder of the example scenes: part of the wheel, and in a clone examples/scenes."""
-    package = Path(__file__).resolve().parent
-    installed = package / "examples"
-    return installed if installed.is_dir() else package.parent / "examples" / "scenes"
+    return example_file(name)

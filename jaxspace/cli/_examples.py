@@ -5,8 +5,8 @@ import shutil
 import tomllib
 from pathlib import Path
 
-from .._load import example, scenes
 from ..core import InputError
+from ..io._examples import example, scenes
 
 GOALS: dict[str, tuple[str, ...]] = {
     "Monte Carlo dispersion": (

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ..core.modules import modules_of as _modules_of
 from ._catalog.catalog import Catalog as Catalog
 from ._catalog.catalog import catalog as catalog
+from ._examples import example as example
 from ._kinds.errors import SceneError as SceneError
 from ._listing import listing as listing
 from ._listing import schema as schema
