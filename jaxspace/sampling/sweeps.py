@@ -20,6 +20,7 @@ from jaxtyping import Array, Float, Integer
 
 from ..core import InputError
 from ..core.checks import is_concrete
+from ..core.printing import printed
 from ..core.structure import HashedModule
 from ..core.types import as_float
 
@@ -32,6 +33,7 @@ def _columns(columns: Mapping[str, ArrayLike | Sequence[float]]) -> dict[str, Ar
 
 
 @final
+@printed()
 class Sweep(HashedModule):
     """The rows of a sweep.
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..core import InputError
+from ..core.listed import no_method
 from ..core.suggestions import suggests
 from ..core.text import aligned
 from ._rounding import NOISE, rounded
@@ -57,6 +58,7 @@ class SweepTable(NamedTuple):
     units: Mapping[str, str]
 
     @property
+    @no_method
     def varying(self) -> tuple[str, ...]:
         """The swept inputs with more than one value."""
         return tuple(name for name, x in self.columns.items() if np.unique(x).size > 1)

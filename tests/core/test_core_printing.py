@@ -47,6 +47,8 @@ OWN = {
     "AccuracyCost",
     "CampaignComparison",
     "LogComparison",
+    "SweepTable",
+    "WeightedDispersion",
     "Setting",
     "Dispersion",
     "EffectBudget",
