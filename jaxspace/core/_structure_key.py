@@ -17,6 +17,7 @@ import sys
 import types
 import typing
 from collections.abc import Iterable, Mapping, Sequence, Set
+from pathlib import PurePath
 from typing import final
 
 import equinox as eqx
@@ -105,6 +106,9 @@ class _Writer:
             self.name("name", x)
         elif isinstance(x, np.ndarray | np.generic | jax.Array):
             self.numbers(x)
+        elif isinstance(x, PurePath):
+            self.name("path", type(x))
+            self.text(str(x))
         elif isinstance(x, np.dtype):
             self.text("dtype", repr(x))
         elif isinstance(x, jax.ShapeDtypeStruct):
@@ -151,7 +155,10 @@ class _Writer:
         if isinstance(x, types.FunctionType):
             self.function(x)
         elif isinstance(x, types.MethodType):
-            self.sequence("method", (x.__func__, x.__self__))
+            owner, name = x.__self__, getattr(x, "__name__", "")
+            # A class method follows from its class, as that follows from its name.
+            own = isinstance(owner, type) and getattr(owner, name, None) == x
+            self.sequence("method", (name if own else x.__func__, owner))
         elif isinstance(x, functools.partial) and not isinstance(x, jax.tree_util.Partial):
             self.sequence("partial", (x.func, x.args, x.keywords))
         elif isinstance(x, jax.tree_util.Partial):

@@ -29,6 +29,7 @@ from ._campaign import Campaign, ordered
 from ._chosen_times import warn_of_times_outside
 from ._exact_parts import for_turns
 from ._independence import check_outputs
+from ._interface import for_programs
 from ._isolation import isolate
 from ._program import (
     CALL,
@@ -76,6 +77,7 @@ class BatchRunner(AbstractRunner):
         self.prepared = prepared
         self.modules = prepared.campaign.modules
         self.units = dict(prepared.campaign.units)
+        self.campaign = for_programs(prepared.campaign)
         self.call = call_size(devices)
         self.blocks = Blocks.on(devices[:1], self.call)
         # A second CPU device would compile the program again, and add no core.
@@ -243,12 +245,12 @@ class BatchRunner(AbstractRunner):
         """Arguments of `draw_inputs` for call number `k`."""
         device = self.devices[k % len(self.devices)]
         given = jax.device_put((jnp.asarray(numbers), jnp.asarray(used)), device)
-        return self.prepared.campaign, self.key, *given
+        return self.campaign, self.key, *given
 
     def _arguments(self, drawn: Drawn) -> tuple[PyTree, ...]:
         """Arguments of the compiled program of the missions."""
-        campaign, accuracy, _, rolled, samples, _ = self.prepared
-        return campaign, accuracy, drawn, self.blocks, samples, rolled
+        _, accuracy, _, rolled, samples, _ = self.prepared
+        return self.campaign, accuracy, drawn, self.blocks, samples, rolled
 
 
 def _digest(results: RunResults) -> str:

@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import InputError
-from ..core.jit import compiled
-from ..simulation import Event, Phase
+from ..simulation import Event, Mission, Phase
 from ..simulation.legs import legs_of
 from ..simulation.phase_runs import MissionTimes
 from ..simulation.runnable import AbstractRunnable
 from ._campaign import Campaign
+from ._interface import jit_of_campaign
 from ._saved_states import ChosenTimes, StatesToStore
 
 # Rounding of a sum of durations, by which a user's time can be beyond the end of a phase.
@@ -37,8 +37,7 @@ def choose_times(
     left = np.unique(np.asarray(times, float))
     if np.ndim(times) != 1 or left.size == 0 or not np.all(np.isfinite(left)):
         raise InputError(f"times is {times!r}: it must be a list of one or more times, in s.")
-    # Compiled, because each operation that builds a mission would be a separate program.
-    mission = compiled(lambda c: c.mission(c.nominal())[0])(campaign)
+    mission = _nominal_mission(campaign)
     first = float(campaign.start)
     result = []
     ends = []
@@ -69,6 +68,12 @@ class _Left(NamedTuple):
     times: np.ndarray
     start: float
     known: bool
+
+
+# Compiled, because each operation that builds a mission would be a separate program.
+@jit_of_campaign
+def _nominal_mission(campaign: Campaign) -> Mission:
+    return campaign.mission(campaign.nominal())[0]
 
 
 def _chosen_in(

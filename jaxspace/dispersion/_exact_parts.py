@@ -16,7 +16,7 @@ from ..integration.exact_part import exact, leaves_open, takes_many_steps
 from ..simulation.legs import legs_of
 from ..simulation.phases import longest
 from ..simulation.runnable import AbstractRunnable
-from ._interface import AbstractCampaign
+from ._interface import AbstractCampaign, jit_of_campaign
 
 
 def _turns(campaign: AbstractCampaign) -> list[Array]:
@@ -32,7 +32,7 @@ def _turns(campaign: AbstractCampaign) -> list[Array]:
 
 
 # The compiler leaves out of the mission what the turns do not depend on.
-_turns_compiled = jit_quickly(_turns)
+_turns_compiled = jit_of_campaign(_turns, jit_quickly)
 
 
 def has_exact_part(campaign: AbstractCampaign, accuracy: Accuracy) -> bool:

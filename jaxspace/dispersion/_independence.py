@@ -4,6 +4,7 @@ The nominal run and the first runs of a campaign are computed, and then their ou
 each run among the others, and with copies of it in place of all."""
 
 import dataclasses
+import functools
 import inspect
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, TypeAlias
@@ -21,7 +22,7 @@ from ..integration.accuracy import Accuracy
 from ..simulation.mission_result import MissionTrajectory
 from ..simulation.trajectory import Trajectory
 from ._campaign import Campaign
-from ._interface import OutputFunction
+from ._interface import OutputFunction, jit_of_campaign
 from ._isolation import isolate
 from ._outputs import outputs_of, raised
 from ._program import Drawn
@@ -61,7 +62,7 @@ def check_outputs(
     check_apart(campaign.outputs, campaign.num_saved, isolate(runs, CHECKED))
 
 
-@jit_quickly
+@functools.partial(jit_of_campaign, jit=jit_quickly)
 def _first_runs(
     campaign: Campaign, accuracy: Accuracy, drawn: dict[str, Float[Array, " runs"]]
 ) -> FirstRuns:

@@ -36,7 +36,6 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from ..core import InputError, Scalar
-from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.status import SimulationError, Status
 from ..integration.accuracy import Accuracy
@@ -45,6 +44,7 @@ from ..sampling.distributions import AbstractDistribution
 from ..sampling.joint import Component
 from ..statistics.sample_check import warning_of
 from ._campaign import Campaign, check_no_sweep, in_order
+from ._interface import jit_of_campaign
 from ._whole import check_whole
 from .evaluate import BLOCK, Evaluator, evaluate_traced
 
@@ -216,7 +216,7 @@ def _expanded(campaign: Campaign, accuracy: Accuracy, method: str) -> Moments:
     return Moments(names, mean, c, j / scale, inputs, method, 1, seconds)
 
 
-@quick_jit
+@jit_of_campaign
 def _derivatives(
     campaign: Campaign,
     accuracy: Accuracy,

@@ -3,6 +3,7 @@ that are not drawn by `disperse`."""
 
 __all__ = ["Evaluator"]
 
+import functools
 from collections.abc import Mapping
 from typing import NamedTuple, final
 
@@ -21,6 +22,7 @@ from ..simulation.blocks import jit_wide_vectors
 from ..simulation.failures import nan_where_failed
 from ._campaign import Campaign, check_no_sweep
 from ._exact_parts import for_turns
+from ._interface import jit_of_campaign
 from ._outputs import outputs_of
 from ._runs import nominal_unless, run_inputs
 from ._whole import check_whole
@@ -90,7 +92,7 @@ def inputs_at(
     return map_normals(campaign.inputs, normals)
 
 
-@jit_wide_vectors
+@functools.partial(jit_of_campaign, jit=jit_wide_vectors)
 def _evaluate(
     campaign: Campaign, accuracy: Accuracy, samples: dict[str, Float[Array, " runs"]]
 ) -> tuple[dict[str, Float[Array, " runs"]], Int[Array, " runs"]]:

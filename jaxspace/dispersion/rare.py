@@ -25,13 +25,13 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
-from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..integration.accuracy import Accuracy
 from ..sampling.designs import map_normals, normal_columns, search_normals
 from ..statistics.limits import clopper_pearson
 from ._campaign import Campaign, check_no_sweep, in_order
 from ._importance import importance
+from ._interface import jit_of_campaign
 from ._subset import subset
 from ._whole import check_whole
 from .evaluate import BLOCK, Evaluator, evaluate_traced
@@ -218,7 +218,7 @@ def _searched(campaign: Campaign, z: np.ndarray) -> tuple[dict[str, np.ndarray],
     return samples, likelihood.astype(float)
 
 
-@quick_jit
+@jit_of_campaign
 def _block(
     campaign: Campaign, z: Float[Array, "runs n"]
 ) -> tuple[dict[str, Float[Array, " runs"]], Float[Array, " runs"]]:
@@ -240,7 +240,7 @@ def _check_output(campaign: Campaign, accuracy: Accuracy, output: str) -> None:
         )
 
 
-@quick_jit
+@jit_of_campaign
 def _values_and_slopes(
     campaign: Campaign, accuracy: Accuracy, z: Float[Array, "starts n"], output: str
 ) -> tuple[Float[Array, " starts"], Float[Array, "n starts"]]:

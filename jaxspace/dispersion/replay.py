@@ -2,6 +2,7 @@
 
 __all__ = ["Replay"]
 
+import functools
 from typing import final
 
 import equinox as eqx
@@ -20,7 +21,7 @@ from ..simulation import MissionTrajectory
 from ..simulation.blocks import Blocks
 from ..simulation.finish import with_calls
 from ._exact_parts import for_turns
-from ._interface import AbstractCampaign
+from ._interface import AbstractCampaign, for_programs, jit_of_campaign
 from ._isolation import RAISED, callbacks, reason
 from ._outputs import raised
 from ._program import Drawn, call_size, draw_inputs, program, runs_with_rolled_stages
@@ -55,7 +56,7 @@ class Replay(eqx.Module):
 
 
 # A single run: the program takes far longer to compile than to run.
-@jit_quickly
+@functools.partial(jit_of_campaign, jit=jit_quickly)
 def _run(
     campaign: AbstractCampaign,
     accuracy: Accuracy,
@@ -75,7 +76,8 @@ def _outputs(
     blocks = Blocks.on(devices, call_size(devices))
     rolled = runs_with_rolled_stages(campaign, accuracy, blocks.size, runs)
     # A whole call, because other numbers of runs would be other programs.
-    results = program(devices[0].platform)(campaign, accuracy, drawn, blocks, 0, rolled)
+    run = program(devices[0].platform)
+    results = run(for_programs(campaign), accuracy, drawn, blocks, 0, rolled)
     return {name: float(np.asarray(x)[0]) for name, x in results.outputs.items()}
 
 
@@ -95,7 +97,9 @@ def replay(
     accuracy = with_tolerance(accuracy)
     call = call_size(jax.local_devices())
     numbers = jnp.full((call,), number, jnp.uint32)
-    drawn = draw_inputs(campaign, jax.random.key(seed), numbers, jnp.ones((call,), bool))
+    drawn = draw_inputs(
+        for_programs(campaign), jax.random.key(seed), numbers, jnp.ones((call,), bool)
+    )
     samples = {name: x[:1] for name, x in drawn.inputs.items()}
     inputs = {name: float(samples[name][0]) for name in campaign.inputs}
     refusal = campaign.refusal(inputs)

@@ -38,7 +38,7 @@ from ..vehicles import LaunchSite
 from ._file_content import FileContent
 from ._kinds.named_files import NamedFiles
 from ._mission.build import build_mission
-from ._mission.building import Runs, replaced
+from ._mission.building import Runs
 from ._mission.checks import air_warnings
 from ._mission.flight import SITE
 from ._requests.accuracy import steps_of
@@ -65,7 +65,7 @@ from ._search.over_runs import optimise_over_runs
 from .by_numpy import by_numpy
 from .units import in_unit
 
-# Traced once for all files of one content.
+# Traced once for all files of one structure.
 _build_as_one = quick_jit(build_mission)
 
 
@@ -152,7 +152,7 @@ class SceneFile(FileContent):
     @functools.cached_property
     def _nominal(self) -> tuple[Mission, State]:
         with by_numpy():
-            return _build_as_one(self.parsed, replaced(self.values, {}), Runs())
+            return _build_as_one(self.parsed.structure, self.parsed.numbers(), Runs())
 
     def scenes(self) -> dict[str, Scene]:
         """The scene of every phase, by the name of the phase; empty for a system."""
@@ -231,8 +231,8 @@ class SceneFile(FileContent):
         states, which are always batched."""
         # A campaign has at least one input, which gives the number of runs.
         runs = next(iter(samples.values())).shape[0]
-        numbers = replaced(self.values, samples)
-        return build_mission(self.parsed, numbers, Runs(runs), samples.get(NOISE))
+        numbers = self.parsed.numbers(samples)
+        return build_mission(self.parsed.structure, numbers, Runs(runs), samples.get(NOISE))
 
     def campaign(
         self,
@@ -450,4 +450,4 @@ class SceneFile(FileContent):
         self, specs: tuple[OutputSpec, ...], reference: dict[int, State] | None
     ) -> Outputs:
         initial = with_run(self.y0) if needs(specs, INITIAL) else None
-        return Outputs(self.parsed, specs, replaced(self.values, {}), reference, initial)
+        return Outputs(self.parsed.structure, specs, self.parsed.numbers(), reference, initial)

@@ -88,6 +88,26 @@ def test_the_optimum_and_its_multipliers(searched):
     assert "at least" in report and "Converged after" in report
 
 
+def test_a_search_with_other_numbers_compiles_nothing(searched, tmp_path):
+    path = tmp_path / "other.toml"
+    path.write_text(
+        TRANSFER.replace("the comment stays", "another one").replace("8000 km", "8050 km")
+    )
+    compiled = []
+
+    def note(event, _, **details):
+        compiled.extend([details] if event.endswith("backend_compile_duration") else [])
+
+    jax.monitoring.register_event_duration_secs_listener(note)
+    try:
+        best = load(path).optimize()
+    finally:
+        jax.monitoring.unregister_event_duration_listener(note)
+    assert compiled == []
+    exact = (RADIAL, R1, 8.05e6, MU)
+    np.testing.assert_allclose(best.values["initial.velocity.1"], across(*exact), rtol=1e-7)
+
+
 def test_the_optimiser_of_a_file_searches(tmp_path, monkeypatch):
     asked = '[optimize]\noptimiser = "adam"\nrate = 0.03\nmax_steps = 7\n'
     path = tmp_path / "transfer.toml"

@@ -83,6 +83,13 @@ class Maker(NamedTuple):
     bare: bool = False
 
     @property
+    def identity(self) -> tuple[object, ...]:
+        """All that determines an object besides the values of the file."""
+        arguments, references = tuple(self.arguments.items()), tuple(self.references.items())
+        shared = tuple((key, entry.shared) for key, entry in self.entries.items())
+        return self.make, arguments, references, shared, self.bare
+
+    @property
     def first(self) -> Entry:
         """The first entry, which is the only one of a bare way."""
         return next(iter(self.entries.values()))

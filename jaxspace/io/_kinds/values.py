@@ -33,11 +33,18 @@ class Measure(float):
         return measure
 
 
+class Known(float):
+    """A number in SI units that cannot be dispersed, but is an argument of programs."""
+
+
 @dataclass(frozen=True, eq=False)
 class Number(Kind):
-    """A number of a `quantity`, with or without unit."""
+    """A number of a `quantity`, with or without unit.
+
+    `shapes`: whether a fixed quantity is part of the structure of programs, and no argument."""
 
     quantity: Quantity
+    shapes: bool = True
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
         try:
@@ -49,7 +56,9 @@ class Number(Kind):
         if unit:
             reading.units.add(path, self.quantity.unit, unit)
         # A number that fixes the shape of a program cannot be dispersed, and stays a plain number.
-        return number if self.quantity.fixed else Measure.of(number, self.quantity, unit)
+        if self.quantity.fixed:
+            return number if self.shapes else Known(number)
+        return Measure.of(number, self.quantity, unit)
 
     def expected(self) -> str:
         return expected(self.quantity)

@@ -131,7 +131,8 @@ def _one_phase(
     file: Parsed, building: Building, system: AbstractSystem, seeds: Array | None
 ) -> Mission:
     """A system or a scene as a mission, under a controller where the file has one."""
-    end = end_of_loop(file, _span(file)) if file.values["control"] else _span(file)
+    span = building.values["times"]["end"] - building.values["times"]["start"]
+    end = end_of_loop(file, span) if file.values["control"] else span
     moving = controlled(file, "control", building, system, seeds)
     return Mission([Phase(moving, end, name=ONE_PHASE[file.kind])])
 
@@ -183,7 +184,7 @@ def system_errors(file: Parsed) -> list[str]:
             return [f"initial has no {name}, which {state.__name__} requires." for name in absent]
     # Shapes are enough, because the parts that a vector field needs do not depend on numbers.
     system, y0 = eqx.filter_eval_shape(
-        lambda values: build_system(file, values, Runs()), replaced(file.values, {})
+        lambda values: build_system(file, values, Runs()), file.numbers()
     )
     name = type(system).__name__
     try:
@@ -199,10 +200,6 @@ def system_errors(file: Parsed) -> list[str]:
         if value is not None and getattr(rate, part, None) is None:
             return [f"initial has {part}, which {name} does not change: remove it."]
     return []
-
-
-def _span(file: Parsed) -> float:
-    return file.values["times"]["end"] - file.values["times"]["start"]
 
 
 def _until(

@@ -12,7 +12,10 @@ from ...bodies import AbstractEffect
 from ...core import Scalar
 from .._kinds.kind import Kind, Maker, Value, Values
 from .._kinds.tables import Object, OneOrMore
-from .._kinds.values import ListOf, Measure, Number
+from .._kinds.values import Known, ListOf, Measure, Number
+
+# The types of numbers that are arguments of programs.
+NUMBERS = (Measure, Known)
 
 
 class Runs(NamedTuple):
@@ -126,7 +129,7 @@ def replaced(values: Value, samples: Mapping[str, ArrayLike], path: str = "") ->
     elsewhere."""
     if path in samples:
         return samples[path]
-    if isinstance(values, Measure):
+    if isinstance(values, NUMBERS):
         return jnp.asarray(float(values))
     if isinstance(values, Mapping):
         return {k: replaced(v, samples, f"{path}.{k}" if path else k) for k, v in values.items()}

@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from ...control import AbstractSensor, ClosedLoop, Sensor, StarTracker
 from ...control.point_laws import Together
-from ...core import AbstractSystem, InputError, argument
+from ...core import AbstractSystem, InputError, Scalar, argument
 from ...core.quantities import quantities
 from ...simulation import Event
 from .._catalog.catalog import Catalog
@@ -161,7 +161,7 @@ def controlled(
         raise InputError(f"{path}: {error}") from error
 
 
-def end_of_loop(file: Parsed, span: float) -> float | Event:
+def end_of_loop(file: Parsed, span: Scalar) -> Scalar | Event:
     """The end of the loop of a scene, `span`, s, after its start or at its event."""
     name = file.values["control"]["until"]
     if name is None:

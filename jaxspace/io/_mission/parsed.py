@@ -3,16 +3,23 @@ body and effects."""
 
 import dataclasses
 import functools
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
+
+from jax.typing import ArrayLike
 
 from ...scene.reading import read_effects
 from .._catalog.catalog import Catalog
-from .._kinds.kind import Maker, Values
-from .building import Building, Runs
-from .lines import Leg, Line, lines_of
+from .._kinds.kind import Maker, Value, Values
+from .._kinds.named_files import NamedFile
+from .building import NUMBERS, Building, Runs, replaced
+from .lines import Leg, Line, lines_of, phase_tables
 
 ROTATION = frozenset({"attitude", "omega"})
 TRANSLATION = frozenset({"position", "velocity"})
+# The entries of a file on which no system, mission or output depends.
+OUTSIDE = ("format", "modules", "title", "dispersion", "optimize", "final_error", "accuracy")
+# In place of a number, which is an argument of programs: any use of it raises an error.
+NUMBER = float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,6 +39,29 @@ class Parsed:
     def is_mission(self) -> bool:
         """Whether it runs in phases."""
         return self.kind in ("mission", "flight")
+
+    @functools.cached_property
+    def structure(self) -> "Parsed":
+        """The file without its numbers, its title and its requests: what a program depends on that
+        has the numbers as arguments. Files that differ in these only have equal structures."""
+        values = {key: x for key, x in self.values.items() if key not in OUTSIDE}
+        values = _without_numbers(values, "", _known_numbers(self.values))
+        answers = {"changes_mass": self.changes_mass, "points": self.points}
+        made = tuple((path, *maker.identity) for path, maker in sorted(self.makers.items()))
+        named = (*self.catalog.systems.items(), *self.catalog.events.items())
+        points = tuple(line.path for line in self.points)
+        source = (_frozen(values), made, named, self.changes_mass, points)
+        result = dataclasses.replace(self, values=values, source=source)
+        # They may depend on numbers.
+        result.__dict__.update(answers, structure=result)
+        return result
+
+    def numbers(self, samples: Mapping[str, ArrayLike] | None = None) -> Values:
+        """The values for a program: arrays as numbers, those of `samples` at their paths.
+
+        Entries on which no system, mission or output depends are left out."""
+        values = {key: x for key, x in self.values.items() if key not in OUTSIDE}
+        return replaced(values, samples or {})
 
     def building(self) -> Building:
         """For one run, with the numbers of the file."""
@@ -126,3 +156,35 @@ class Parsed:
         if place < 0:
             return self.lines[-1 - place]
         return next(line for line in self.lines if self.legs[place] in line.legs)
+
+
+def _known_numbers(values: Values) -> tuple[str, ...]:
+    """The paths of the numbers on which the length of a closed loop depends, and with it the shapes
+    of its program."""
+    phases = phase_tables(values)
+    looped = [path for path, phase in phases.items() if phase["control"] is not None]
+    own = ("times",) if values.get("control") is not None else ()
+    return (*own, *(f"{path}.{key}" for path in looped for key in ("duration", "within")))
+
+
+def _without_numbers(values: Value, path: str, known: tuple[str, ...]) -> Value:
+    """The tree with `NUMBER` in place of numbers that are arguments of programs."""
+    if path in known:
+        return values
+    if isinstance(values, NUMBERS):
+        return NUMBER
+    if isinstance(values, Mapping):
+        prefix = f"{path}." if path else ""
+        return {k: _without_numbers(x, f"{prefix}{k}", known) for k, x in values.items()}
+    if isinstance(values, list):
+        return [_without_numbers(x, f"{path}.{k}", known) for k, x in enumerate(values)]
+    return values
+
+
+def _frozen(values: Value) -> Hashable:
+    """A tree of values that can be compared and hashed. The paths of files are left out."""
+    if isinstance(values, Mapping):
+        return tuple((key, _frozen(x)) for key, x in values.items())
+    if isinstance(values, list):
+        return ("list", *map(_frozen, values))
+    return values.text if isinstance(values, NamedFile) else values

@@ -17,7 +17,7 @@ from .control import control_kind
 from .effect_tables import AIR, EffectName, EffectTables
 from .ends import end_kind
 
-TIME = Number(argument("s", fixed=True, doc="time"))
+TIME = Number(argument("s", fixed=True, doc="time"), shapes=False)
 DURATION = Number(argument("s", positive=True, doc="duration"))
 TIMES = Table(
     {

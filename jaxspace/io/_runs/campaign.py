@@ -47,7 +47,7 @@ def campaign_of(
     units = {path: quantity.unit for path, quantity in limits.items()}
     inputs = {path: how.distribution() for path, how in scatters.items()}
     return Campaign(
-        BuildOfFile(file.parsed, replaced(file.values, {})),
+        BuildOfFile(file.parsed.structure, file.parsed.numbers()),
         inputs | _noise(file.values),
         outputs,
         units | {spec.name: spec.unit for spec in file.outputs},
@@ -86,7 +86,10 @@ def _noise(values: Values) -> dict[str, Uniform]:
 
 class BuildOfFile(eqx.Module):
     """The `build` of a campaign. The numbers of the file are leaves, so that another number needs
-    no compilation."""
+    no compilation.
+
+    - `parsed`: the structure of the file.
+    - `values`: its numbers."""
 
     parsed: Parsed = eqx.field(static=True)
     values: Values

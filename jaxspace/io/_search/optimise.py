@@ -11,7 +11,7 @@ from ...simulation import MissionTrajectory
 from .._file_content import FileContent
 from .._requests.optimize_table import Free, Task
 from .optimum import Optimum
-from .task import criterion, failed_phase
+from .task import failed_phase, search_of
 
 
 def optimise(
@@ -31,7 +31,7 @@ def optimise(
         {free.path: jnp.asarray(free.high) for free in task.free},
     )
     result = minimise(
-        lambda x: criterion(file, task, x, each),
+        search_of(file, task, each),
         x0,
         optimiser=named_optimiser(table["optimiser"], table["rate"], table["max_steps"]),
         bounds=bounds,

@@ -11,19 +11,19 @@ import numpy as np
 from jaxtyping import Array
 
 from ...core import InputError
+from ...core.jit import quick_jit
 from ...core.listed import no_method
 from ...core.printing import printed
-from ...optimization import Minimum, StopReason
+from ...optimization import Criterion, Minimum, StopReason
 from ...simulation import MissionTrajectory
 from .._file_content import FileContent
-from .._mission.building import replaced
 from .._requests.final_error import tolerance_of
 from .._requests.inputs import measures
 from .._requests.optimize_table import OWN_TABLES, Task
 from .._requests.output_spec import OutputSpec
 from .._runs.outputs import Curve, line_ends
 from .optimum_file import with_numbers
-from .task import criterion, failed_phase, values_of
+from .task import Search, failed_phase, search_of, values_of
 
 # Allowed relative error of an output by the steps of the search: far below the needs of a first
 # design, and far above that of good steps, of which 40 in a phase reach 1e-5.
@@ -170,18 +170,9 @@ class Optimum:
             for path, x in measures(self.file.values)
             if path.split(".")[0] not in OWN_TABLES and path not in self.values
         }
-        dual = self.minimum.multipliers
-
-        def lagrangian(numbers: dict[str, Array]) -> Array:
-            result = criterion(self.file, self.task, {**numbers, **self.minimum.x}, self.steps)
-            total = result.objective
-            if result.equal_zero is not None and dual.equal_zero is not None:
-                total = total + dual.equal_zero @ result.equal_zero
-            if result.non_negative is not None and dual.non_negative is not None:
-                total = total - dual.non_negative @ result.non_negative
-            return self.task.sign * total
-
-        slopes = jax.jit(jax.grad(lagrangian))({p: jnp.asarray(x) for p, x in fixed.items()})
+        numbers = {path: jnp.asarray(x) for path, x in fixed.items()}
+        search = search_of(self.file, self.task, self.steps)
+        slopes = _slopes(numbers, search, self.minimum.x, self.minimum.multipliers)
         return {path: float(x) for path, x in slopes.items()}
 
     def confirmed(self, run: MissionTrajectory, file: FileContent) -> tuple[float, ...]:
@@ -190,7 +181,7 @@ class Optimum:
         states, ends = line_ends(run)
         states |= {k: p.final for k, p in enumerate(run.phases)}
         ends |= {k: p.ts[-1] for k, p in enumerate(run.phases)}
-        numbers = replaced(file.values, {})
+        numbers = file.parsed.numbers()
         along = {k for spec in self._specs for k in spec.phases}
         curves = {k: Curve(run.phases[k].ts, run.phases[k].states) for k in along}
         values = values_of(file.parsed, numbers, self._specs, states, ends, curves)
@@ -239,6 +230,21 @@ class Optimum:
         """The scene file with the design variables replaced by the optimum, preserving comments and
         units."""
         return with_numbers(self.file, self.task, self.values)
+
+
+@quick_jit
+@jax.grad
+def _slopes(
+    numbers: dict[str, Array], search: Search, x: dict[str, Array], dual: Criterion
+) -> Array:
+    """The derivatives of the Lagrangian, with these multipliers, with respect to the numbers."""
+    result = search({**numbers, **x})
+    total = result.objective
+    if result.equal_zero is not None and dual.equal_zero is not None:
+        total = total + dual.equal_zero @ result.equal_zero
+    if result.non_negative is not None and dual.non_negative is not None:
+        total = total - dual.non_negative @ result.non_negative
+    return search.sign * total
 
 
 def _multipliers(minimum: Minimum) -> tuple[np.ndarray, np.ndarray]:

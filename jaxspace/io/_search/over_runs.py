@@ -83,7 +83,7 @@ class CampaignOfFile(eqx.Module):
     """The campaign of a file as a function of its design variables, SI, by path: a tree of arrays,
     so that searches of one file share their programs.
 
-    - `parsed`, `values`: of the file.
+    - `parsed`, `values`: the structure of the file, and its numbers.
     - `base`: the campaign of the file with the settings of the search.
     - `specs`: the outputs that count."""
 
@@ -118,7 +118,7 @@ def campaign_function(file: FileContent, task: Task, base: Campaign) -> Campaign
         # Without extremes no states along the run are saved, which would fill the memory.
         num_saved=file.dispersion["extreme_samples"] if extremes else 2,
     )
-    return CampaignOfFile(file.parsed, replaced(file.values, {}), base, specs)
+    return CampaignOfFile(file.parsed.structure, file.parsed.numbers(), base, specs)
 
 
 def _goal(task: Task) -> dict[str, AbstractStatistic]:

@@ -8,7 +8,6 @@ import jax.numpy as jnp
 
 from ...core.text import aligned
 from ...simulation import MissionTrajectory
-from .._mission.building import replaced
 from .._requests.inputs import measures
 from .._requests.output_entries import applicable_outputs
 from .._search.optimum import Optimum
@@ -95,7 +94,7 @@ def _phase_rows(optimum: Optimum, run: MissionTrajectory) -> list[Row]:
     # A body without propellant has a constant mass, which is not in the state.
     heavy = getattr(run.final, "mass", None) is not None
     rows: list[Row] = [("phase", *head, *([label("mass", unit)] if heavy else []))]
-    numbers = replaced(file.values, {p: jnp.asarray(x) for p, x in optimum.values.items()})
+    numbers = file.parsed.numbers({p: jnp.asarray(x) for p, x in optimum.values.items()})
     for k, (name, phase) in enumerate(run.items()):
         states, ends = {-1: run.final, k: phase.final}, {-1: run.end, k: phase.ts[-1]}
         specs = tuple(spec._replace(at=k) for spec in chosen)
