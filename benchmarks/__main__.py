@@ -18,7 +18,8 @@ from . import page, result_files  # noqa: E402
 NAMES = (
     *("kepler", "lambert", "low_orbits", "eccentric_orbit", "free_body", "torqued_body", "top"),
     *("ascent", "choice", "eccentric_orbits", "dragged_orbits", "short_pulses", "gradients"),
-    *("hybrid_training", "first_call", "first_answers", "kick_stage", "elements", "porkchop"),
+    *("hybrid_training", "first_call", "first_answers", "second_starts", "kick_stage"),
+    *("elements", "porkchop"),
     *("effects", "crossings", "model_rocket", "campaign", "closed_loops"),
     *("environment_steps", "instruments", "dispersion_methods", "rare_events"),
     *("rocket_campaign", "of_others"),

@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from . import studies as studies
     from ._jax_settings import enable_x64 as enable_x64
     from ._jax_settings import keep_programs as keep_programs
+    from ._jax_settings import stored_as as stored_as
     from ._load import example as example
     from ._load import load as load
     from .bodies import BodyState as BodyState
@@ -97,6 +98,7 @@ _PACKAGES = (
 _MODULE_OF = {
     "enable_x64": "_jax_settings",
     "keep_programs": "_jax_settings",
+    "stored_as": "_jax_settings",
     "example": "_load",
     "load": "_load",
     "BodyState": "bodies",

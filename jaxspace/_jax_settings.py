@@ -3,7 +3,14 @@
 import operator
 import os
 import sys
+import types
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+F = TypeVar("F")
 
 STORED = "stored"
 """The part of the folder of programs with those that are loaded without tracing."""
@@ -29,8 +36,9 @@ def keep_programs(
     folder. A program is reused only with the same versions, the same kind of processor and the same
     shapes, and results do not depend on it.
 
-    Programs that contain functions or classes of the user, and those that call back into Python,
-    are traced in every process. So are those of other devices than CPUs.
+    Programs that contain classes of the user, or functions without a name (`stored_as`), and those
+    that call back into Python, are traced in every process. So are those of other devices than
+    CPUs.
 
     **Arguments**
 
@@ -61,6 +69,35 @@ def keep_programs(
     stores = size > 0 and program_folder.can_store()
     stored.store_in(program_folder.ProgramFolder(path / STORED, size) if stores else None)
     return path
+
+
+def stored_as(name: str) -> "Callable[[F], F]":
+    """Give a function of yours a name, so that the programs that contain it are stored as well.
+
+        @jaxspace.stored_as("height above the pad, version 1")
+        def height(t, y): ...
+
+    `keep_programs` identifies such a function by this name, its own code, its default arguments and
+    the values that it captures. All other functions, classes and variables of yours to which it
+    refers are not compared: give it another name when they change, or a later process runs a
+    program with their earlier form.
+
+    **Returns** a decorator of functions, including a `lambda`, which returns the same function.
+
+    **Raises** `InputError` for an empty name, and for anything but a function written in Python."""
+    from .core import InputError
+    from .core._structure_key import NAME_OF_USER
+
+    if not isinstance(name, str) or not name:
+        raise InputError(f"stored_as: name is {name!r}: it must be a text that is not empty.")
+
+    def named(function: F) -> F:
+        if not isinstance(function, types.FunctionType):
+            raise InputError(f"stored_as is applied to {function!r}: it must be a function.")
+        setattr(function, NAME_OF_USER, name)
+        return function
+
+    return named
 
 
 def folder_of_programs(folder: "str | os.PathLike[str] | None" = None) -> Path:

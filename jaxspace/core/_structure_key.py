@@ -38,6 +38,8 @@ LIBRARIES = (
 _OF_PYTHON = frozenset(sys.stdlib_module_names)
 # Their instances have no state beyond their names.
 _NAMED = (type, types.BuiltinFunctionType, np.ufunc, types.WrapperDescriptorType)
+# The attribute of a function with the name that its user has given it (`jaxspace.stored_as`).
+NAME_OF_USER = "__stored_as__"
 # Of a function that a module wraps: they follow from its code.
 _WORDS = frozenset(("__annotations__", "__doc__"))
 
@@ -206,9 +208,11 @@ class _Writer:
             return
         # Not `__module__`, which a decorator copies from the function that it wraps.
         home = x.__globals__.get("__name__", "")
-        self.module(home)
-        if getattr(sys.modules.get(home), "__dict__", None) is not x.__globals__:
-            raise NoKey(f"the function {x.__qualname__} of another {home}")
+        # Its user answers for all that a function with a name refers to.
+        if NAME_OF_USER not in vars(x):
+            self.module(home)
+            if getattr(sys.modules.get(home), "__dict__", None) is not x.__globals__:
+                raise NoKey(f"the function {x.__qualname__} of another {home}")
         self.text("code", home, x.__qualname__)
         self.code(x.__code__)
         self.sequence("defaults", (x.__defaults__, x.__kwdefaults__))

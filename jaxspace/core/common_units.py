@@ -44,7 +44,10 @@ def factor_to(si: str, text: str) -> float | None:
     """The number of units `si` in one unit `text`; `None` where one of them is not common,
     or of another kind."""
     unit, base = _unit(text), _unit(si or "1")
-    if unit is None or base is None or unit.powers != base.powers:
+    if unit is None or base is None:
+        return None
+    # An angle is also accepted as a pure number.
+    if unit.powers != base.powers and not (unit.powers == {"rad": 1} and not base.powers):
         return None
     return unit.factor / base.factor
 

@@ -3,7 +3,6 @@ that the steps would run out (`Accuracy.decoupled`).
 
 The runs are traced, so that the nominal run decides for all."""
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
@@ -32,26 +31,21 @@ def _turns(campaign: AbstractCampaign) -> list[Array]:
 
 
 # The compiler leaves out of the mission what the turns do not depend on.
-_turns_compiled = jit_of_campaign(_turns, jit_quickly)
-
-
-def has_exact_part(campaign: AbstractCampaign, accuracy: Accuracy) -> bool:
-    """Whether the campaign has an exact part, and the accuracy does not decide about it."""
-    return leaves_open(accuracy) and bool(eqx.filter_eval_shape(_turns, campaign))
+_turns_of = jit_of_campaign(_turns, jit_quickly)
 
 
 def for_turns(campaign: AbstractCampaign, accuracy: Accuracy, status: ArrayLike) -> Accuracy | None:
     """The accuracy with which runs of this `status` are repeated, if steps ran out: with the exact
     part of the motion in closed form. `None` where that cures nothing."""
     out = np.any(np.asarray(status) == Status.MAX_STEPS)
-    return exact(accuracy) if out and has_exact_part(campaign, accuracy) else None
+    return exact(accuracy) if out and leaves_open(accuracy) and _turns_of(campaign) else None
 
 
 def with_exact_parts(campaign: AbstractCampaign, accuracy: Accuracy) -> Accuracy:
     """The accuracy with its `decoupled` set where the nominal run rotates fast.
 
     Unchanged where it does not, and where the numbers of the campaign are unknown."""
-    if is_traced(campaign) or not has_exact_part(campaign, accuracy):
+    if is_traced(campaign) or not leaves_open(accuracy):
         return accuracy
-    turns = max(float(np.asarray(x)) for x in _turns_compiled(campaign))
-    return exact(accuracy) if takes_many_steps(turns, accuracy) else accuracy
+    turns = [float(np.asarray(x)) for x in _turns_of(campaign)]
+    return exact(accuracy) if turns and takes_many_steps(max(turns), accuracy) else accuracy

@@ -46,8 +46,6 @@ class AbstractCampaign(HashedModule):
     design: eqx.AbstractVar[AbstractDesign | None]
     requirements: eqx.AbstractVar[tuple[tuple[str, Limits], ...]]
     num_saved: eqx.AbstractVar[int]
-    files: eqx.AbstractVar[tuple[tuple[str, str], ...]]
-    modules: eqx.AbstractVar[tuple[tuple[str, str], ...]]
 
     @abstractmethod
     def nominal(self, runs: int = 1) -> dict[str, Float[Array, " runs"]]:

@@ -6,10 +6,10 @@ uses it, too: otherwise they would be compiled twice.
 """
 
 import functools
+import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Integer
@@ -24,7 +24,7 @@ from ..simulation.failures import nan_where_failed
 from ..simulation.phases import resolve_and_count
 from ..simulation.trajectory import Trajectory
 from ..stores.results import RunResults
-from ._interface import AbstractCampaign
+from ._interface import AbstractCampaign, jit_of_campaign
 from ._outputs import outputs_of
 from ._runs import nominal_unless, run_inputs
 from ._saved_states import StatesToStore, for_outputs, for_store, saved_of
@@ -78,13 +78,24 @@ def runs_with_rolled_stages(
     """Whether the stages of this many planned `runs` are rolled.
 
     `block`: runs in a block, whose program then finds its vector fields traced."""
+    operations, noted = _operations(campaign, accuracy, block)
+    for message, category in noted:
+        warnings.warn(message, category, stacklevel=5)
+    return rolls_stages(Runs.CAMPAIGN, operations, runs)
 
-    def rolled(campaign: AbstractCampaign, accuracy: Accuracy) -> bool:
+
+# A program without operations, which a later process loads instead of tracing the mission.
+@functools.partial(jit_of_campaign, jit=jit_quickly)
+def _operations(
+    campaign: AbstractCampaign, accuracy: Accuracy, block: int
+) -> tuple[int, tuple[tuple[str, type[Warning]], ...]]:
+    """The number of operations of the vector fields of all phases, and the warnings about the
+    mission, which are issued where the program is loaded as well."""
+    with warnings.catch_warnings(record=True) as noted:
+        warnings.simplefilter("always")
         mission, y0 = campaign.mission(campaign.nominal(block))
         _, operations = resolve_and_count(mission, y0, accuracy, 1)
-        return rolls_stages(Runs.CAMPAIGN, operations, runs)
-
-    return eqx.filter_eval_shape(rolled, campaign, accuracy)
+    return operations, tuple((str(one.message), one.category) for one in noted)
 
 
 @functools.cache

@@ -20,8 +20,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ..core import AbstractSystem, Scalar
+from ..core import AbstractDecoupled, AbstractSystem, Scalar
 from ..core.checks import is_concrete
+from ..core.jit import jit_quickly
 from ..core.structure import without_numbers
 from .accuracy import Accuracy
 
@@ -51,9 +52,16 @@ def with_exact_part(
     duration = np.asarray(times)
     if duration.ndim:
         duration = duration[-1] - duration[0]
-    turns = np.asarray(decoupled.turns(jnp.asarray(duration), y))
+    turns = np.asarray(_turns(decoupled, jnp.asarray(duration), y))
     turns = float(np.max(turns, initial=0.0))
     return dataclasses.replace(accuracy, decoupled=takes_many_steps(turns, accuracy))
+
+
+# One program: alone, each of its operations would be another one.
+@jit_quickly
+def _turns(decoupled: AbstractDecoupled, duration: Scalar, y: PyTree) -> Scalar:
+    """The angle, rad, through which the exact part of the motion turns."""
+    return decoupled.turns(duration, y)
 
 
 def leaves_open(accuracy: Accuracy) -> bool:

@@ -33,6 +33,7 @@ from ..simulation.dispatch import simulate_any
 from ..simulation.legs import legs_of
 from ..simulation.mission_result import Simulated
 from ..statistics import Dispersion
+from ..statistics.requirements import Requirement
 from ..statistics.weighted import WeightedDispersion
 from ..vehicles import LaunchSite
 from ._file_content import FileContent
@@ -450,4 +451,6 @@ class SceneFile(FileContent):
         self, specs: tuple[OutputSpec, ...], reference: dict[int, State] | None
     ) -> Outputs:
         initial = with_run(self.y0) if needs(specs, INITIAL) else None
+        # Their requirements are judged elsewhere, and would be part of the program.
+        specs = tuple(spec._replace(required=Requirement()) for spec in specs)
         return Outputs(self.parsed.structure, specs, self.parsed.numbers(), reference, initial)

@@ -29,6 +29,7 @@ together explain no more than as many random columns would (an F test at 0.1 %),
 
 __all__ = ["Contributors"]
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -126,22 +127,33 @@ def dependent_groups(regressors: np.ndarray) -> list[np.ndarray]:
     blocks = correlation.reshape(2, count, 2, count).max(axis=(0, 2))
     # Four standard deviations of a correlation by chance; a smaller true one moves a share by less
     # than its square.
+    linked = blocks > max(LEAST_CORRELATION, 4.0 / np.sqrt(runs))
+    if not np.any(linked & ~np.eye(count, dtype=bool)):
+        return list(np.arange(count)[:, None])
     # SciPy is slow to import.
     from scipy.sparse.csgraph import connected_components
 
-    linked = blocks > max(LEAST_CORRELATION, 4.0 / np.sqrt(runs))
     _, labels = connected_components(linked, directed=False)
     return [np.flatnonzero(labels == label) for label in dict.fromkeys(labels)]
 
 
 def _significant(r_squared: float, regressors: int, runs: int) -> bool:
     """Whether as many random columns would explain less, except in one case of a thousand."""
-    from scipy.special import fdtrc
-
     rest = runs - regressors - 1
     # A relation that is exact to rounding leaves no residual to compare with.
     if r_squared >= 1.0 - 1e-12:
         return True
+    # The part that random columns explain on average. R^2 has a beta distribution, whose tail has
+    # Chernoff's bound: where it decides, SciPy, which is slow to import, is not needed.
+    mean = regressors / (regressors + rest)
+    if r_squared <= mean:
+        return False
+    bound = regressors * math.log(r_squared / mean)
+    bound += rest * math.log((1.0 - r_squared) / (1.0 - mean))
+    if bound < 2.0 * math.log(1e-3):
+        return True
+    from scipy.special import fdtrc
+
     statistic = (r_squared / regressors) / ((1.0 - r_squared) / rest)
     return bool(fdtrc(regressors, rest, statistic) < 1e-3)
 

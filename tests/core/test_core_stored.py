@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace.core import _structure_key, program_folder, stored
+import jaxspace
+from jaxspace.core import InputError, _structure_key, program_folder, stored
 from jaxspace.core._structure_key import NoKey, key_of
 from jaxspace.core.jit import compiled, quick_jit
 from jaxspace.core.program_folder import ProgramFolder, clear, stored_files
@@ -235,6 +236,48 @@ def test_functions_of_the_user_are_traced_and_not_stored(tmp_path):
     assert any("scaled" in name and __name__ in reason for name, reason in stored.refused())
 
 
+@pytest.fixture
+def folder_of_user(tmp_path):
+    """A folder for the programs of this file, whose functions are those of a user."""
+    folder = ProgramFolder(tmp_path / "stored", 10**9)
+    stored.store_in(folder)
+    yield folder
+    stored.store_in(None)
+
+
+def test_functions_with_a_name_are_stored(folder_of_user):
+    def count(name, function):
+        TRACES.clear()
+        result = compiled(jaxspace.stored_as(name)(function))(jnp.array(1.0))
+        return float(result), len(TRACES)
+
+    def doubled(x):
+        TRACES.append(None)
+        return 2.0 * x
+
+    # Each call of `adding` creates another function, as another process does.
+    assert [count("a", adding(1.0)) for _ in range(2)] == [(2.0, 1), (2.0, 0)]
+    assert [count("a", adding(3.0)) for _ in range(2)] == [(4.0, 1), (4.0, 0)]
+    assert count("b", adding(1.0)) == (2.0, 1)
+    assert count("a", doubled) == (2.0, 1)
+    assert len(stored_files(folder_of_user.root)) == 4
+    TRACES.clear()
+    compiled(adding(1.0))(jnp.array(1.0))
+    assert len(TRACES) == 1 and len(stored_files(folder_of_user.root)) == 4
+
+
+@pytest.mark.parametrize("name", ["", 3, None])
+def test_a_name_is_a_text(name):
+    with pytest.raises(InputError, match="name is .*: it must be a text that is not empty"):
+        jaxspace.stored_as(name)
+
+
+@pytest.mark.parametrize("thing", [jnp.sin, OfUser, OfUser().method, 1.0])
+def test_only_functions_have_names(thing):
+    with pytest.raises(InputError, match="it must be a function"):
+        jaxspace.stored_as("name")(thing)
+
+
 def test_transformations_and_callbacks_do_not_touch_the_folder(folder):
     call = quick_jit(adding(1.0))
     assert float(jax.jit(call)(1.0)) == 2.0
@@ -445,3 +488,63 @@ def test_processes_share_programs_and_their_bits(tmp_path):
     assert loaded == plain
     assert count < min(counts)
     assert not (tmp_path / "plain" / "stored").exists()
+
+
+# Searches and missions whose functions the user has named: the first process stores all programs
+# of the verbs, and the second one misses none.
+VERBS = """
+import sys
+import jax
+import jax.numpy as jnp
+import numpy as np
+import jaxspace
+from jaxspace import BodyState, Event, Mission, Phase, simulate_batch, simulate_mission
+from jaxspace.core import program_folder, stored
+from jaxspace.optimization import Criterion, minimise
+from jaxspace.orbits import TwoBody
+
+jaxspace.enable_x64()
+jaxspace.keep_programs(sys.argv[1])
+shift = float(sys.argv[2])
+read, misses = program_folder.ProgramFolder.read, []
+
+def noted(self, name):
+    content = read(self, name)
+    misses.extend([name] if content is None else [])
+    return content
+
+program_folder.ProgramFolder.read = noted
+
+@jaxspace.stored_as("distance from a point")
+def distance(x):
+    return Criterion((x["a"] - 1.0) ** 2 + (x["b"] + 2.0) ** 2, None, x["a"] + x["b"])
+
+@jaxspace.stored_as("height")
+def height(t, y):
+    return y.position[1]
+
+found = minimise(distance, {"a": jnp.array(shift), "b": jnp.array(0.5)})
+y0 = BodyState(jnp.array([1.0 + 0.1 * shift, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.1]))
+mission = Mission([Phase(TwoBody(1.0), 1.0, name="a"), Phase(TwoBody(1.0), Event(height, -1, 9.0))])
+flown = simulate_mission(mission, y0)
+many = jax.tree.map(lambda x: jnp.stack([x, 1.1 * x], axis=-1), y0)
+batch = simulate_batch(TwoBody(1.0), many, jnp.array([0.0, 1.0]))
+bits = [found.x["a"], found.x["b"], flown.final.position, batch.final.position]
+print(b"".join(np.asarray(x).tobytes() for x in bits).hex(), len(misses), len(stored.refused()))
+"""
+
+
+def test_verbs_load_all_of_their_programs(tmp_path):
+    def run(folder, shift, limit=10**9):
+        environment = os.environ | {"JAXSPACE_PROGRAMS_LIMIT": str(limit)}
+        environment["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "1"
+        command = [sys.executable, "-c", VERBS, str(tmp_path / folder), str(shift)]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        bits, *counts = done.stdout.split()
+        return bits, *map(int, counts)
+
+    _, misses, refused = run("stored", 0.2)
+    assert misses > 3 and refused == 0
+    bits, misses, _ = run("stored", 0.4)
+    assert misses == 0
+    assert run("plain", 0.4, 0)[0] == bits

@@ -15,7 +15,7 @@ from ...core import AbstractSystem, InputError, Scalar, State
 from ...scene import Scene
 from ...simulation import Event, Mission, Phase
 from .._kinds.kind import Values
-from .building import Building, Runs, at, referred, replaced
+from .building import Building, Runs, at, referred
 from .control import controlled, end_of_loop
 from .ends import condition_of
 from .flight import build_flight

@@ -45,6 +45,7 @@ def as_batch(nominal: Simulated | LoopRun) -> Simulated:
     return with_run(run.with_phases(phases, run.status))
 
 
+@by_numpy()
 def nominal_states(nominal: MissionTrajectory) -> dict[int, State]:
     """The states of the nominal run by phase, and at its ends (`line_ends`), with an axis of one
     run."""
