@@ -145,6 +145,8 @@ CALLS: dict[str, Callable[[], object]] = {
 def measured() -> dict[str, dict[str, int]]:
     """The counts of all calls."""
     jaxspace.enable_x64()
+    # A program from a cache is not compiled.
+    jax.config.update("jax_enable_compilation_cache", False)
     result = {}
     for name, call in CALLS.items():
         with counted() as counts:
