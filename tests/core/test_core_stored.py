@@ -266,10 +266,9 @@ def test_functions_with_a_name_are_stored(folder_of_user):
     assert len(TRACES) == 1 and len(stored_files(folder_of_user.root)) == 4
 
 
-@pytest.mark.parametrize("name", ["", 3, None])
-def test_a_name_is_a_text(name):
-    with pytest.raises(InputError, match="name is .*: it must be a text that is not empty"):
-        jaxspace.stored_as(name)
+def test_a_name_is_a_text():
+    with pytest.raises(InputError, match="name is '': it must be a text that is not empty"):
+        jaxspace.stored_as("")
 
 
 @pytest.mark.parametrize("thing", [jnp.sin, OfUser, OfUser().method, 1.0])

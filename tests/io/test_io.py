@@ -87,7 +87,7 @@ def test_values_with_units(quantity, value, si):
         *(("rad", x) for x in ("deg", "arcmin", "arcsec")),
         *(("rad/s", x) for x in ("rpm", "deg/s", "deg/day")),
         *(("m/s", x) for x in ("km/s", "km/h")),
-        *(("", x) for x in ("%", "1")),
+        *(("", x) for x in ("%", "1", "deg", "rad")),
         ("Pa", "kPa"), ("N m", "kN m"), ("N s", "MN s"), ("m^3/s^2", "km^3/s^2"), ("1/s", "1/h"),
         ("kg m^2", "g cm^2"), ("kg/m^3", "g/cm^3"), ("m^2", "mm^2"), ("N/m", "kN/m"),
     ],

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.special import fdtrc
 
-from jaxspace.statistics.contributors import contributors
+from jaxspace.statistics.contributors import _significant, contributors
 
 RUNS = 2000
 RANDOM = np.random.default_rng(1)
@@ -31,3 +32,17 @@ def test_inputs_that_are_the_same():
     assert found.r_squared == pytest.approx(1.0)
     assert sum(found.shares.values()) == pytest.approx(1.0)
     assert list(found.shares) == ["a + b", "c"]
+
+
+def test_what_random_columns_would_explain():
+    """The F test, where a bound of its tail decides without it, too."""
+    decided = set()
+    for regressors in (2, 6, 40):
+        for runs in (regressors + 2, 60, 4000):
+            for r_squared in np.concatenate([[1e-6], np.linspace(0.005, 0.995, 199)]):
+                rest = runs - regressors - 1
+                statistic = r_squared / regressors / ((1.0 - r_squared) / rest)
+                expected = fdtrc(regressors, rest, statistic) < 1e-3
+                assert _significant(r_squared, regressors, runs) == expected
+                decided.add(bool(expected))
+    assert decided == {True, False}
