@@ -18,7 +18,7 @@ from jaxspace.core import InputError
 from jaxspace.core.vectors import cross
 from jaxspace.dispersion import disperse
 from jaxspace.io import SceneError, listing, load
-from jaxspace.io._search.task import criterion
+from jaxspace.io._search.task import search_of
 from jaxspace.io.reports.run import mission_report
 from jaxspace.orbits import UniformGravity
 from jaxspace.orbits.uniform_gravity import touchdown
@@ -220,7 +220,7 @@ def test_derivatives_pass_through_the_parting_of_a_file():
     paths = INPUTS[:2]
 
     def flown(x):
-        found = criterion(file, file.task, dict(zip(paths, x, strict=True)), 4)
+        found = search_of(file, file.task, 4)(dict(zip(paths, x, strict=True)))
         return jnp.append(found.equal_zero, -found.objective)
 
     def exact(x):

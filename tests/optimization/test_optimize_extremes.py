@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from jaxspace import Event, Mission, Phase, Scene
 from jaxspace.bodies import BodyState, RigidBody
 from jaxspace.io import SceneError, load
-from jaxspace.io._search.task import criterion
+from jaxspace.io._search.task import search_of
 from jaxspace.orbits import LowThrust, PointGravity, RotatingFrame, UniformGravity
 from jaxspace.orbits.uniform_gravity import touchdown
 from jaxspace.scene import scaled
@@ -103,7 +103,7 @@ def test_derivatives_of_extremes_in_both_modes():
     paths = ("effects.steered_thrust.throttle", "initial.velocity.2")
 
     def extremes(x):
-        found = criterion(file, file.task, dict(zip(paths, x, strict=True)), 20)
+        found = search_of(file, file.task, 20)(dict(zip(paths, x, strict=True)))
         return found.non_negative
 
     x, change, weights = jnp.array([0.7, 5.0]), jnp.array([1.0, 3.0]), jnp.array([1.0, 90.0])
