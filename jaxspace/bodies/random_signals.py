@@ -127,6 +127,8 @@ class RandomSignal(AbstractParameters):
         total = 0.0
         for (value, slope), number in ((low, k), (high, k + 1)):
             row = taken(self.data, number)
+            # In the precision of the run: the seed is a plain number, whose own would be double.
+            row = row if t.weak_type else row.astype(t.dtype)
             total = total + value * row[: self.components] + slope * row[self.components :]
         return jnp.asarray(total)
 
