@@ -208,7 +208,7 @@ def _run_and_report(
             # The bar counts steps, the campaign reports totals.
             bar.update(done - bar.n)
 
-        with warnings_as_lines(write):
+        with stages.of(CAMPAIGN), warnings_as_lines(write):
             result = disperse_campaign(
                 campaign,
                 runs,
@@ -237,7 +237,8 @@ def _run_and_report(
         written = keep_pictures(
             shown, file.title, outputs, os.path.splitext(store)[0], site=file.site
         )
-    print(_times(result, stages.seconds, time.perf_counter() - began))
+    whole = time.perf_counter() - began
+    print(_times(result, stages.seconds, whole, resumed=bool(how.get("resume"))))
     print(f"store  {store}")
     runs_that_decide = _runs_that_decide(result, how.get("until"), campaign.design)
     if runs_that_decide is not None:
@@ -312,6 +313,9 @@ def _left(store: str, untouched: bool, engine: str | AbstractEngine) -> str:
     )
 
 
+CAMPAIGN = "the campaign"
+
+
 class _Stages:
     """The seconds of the stages of a command, by name."""
 
@@ -326,15 +330,22 @@ class _Stages:
         self.seconds[name] = time.perf_counter() - began
 
 
-def _times(result: Dispersion, stages: Mapping[str, float], whole: float) -> str:
-    """A message about the time of the command, `whole`, s, with all of its parts: the `stages`
-    besides the runs, and those of the runs."""
+def _times(result: Dispersion, stages: Mapping[str, float], whole: float, *, resumed: bool) -> str:
+    """A message about the time of the command, `whole`, s, with its `stages`; and about the rate of
+    the runs.
+
+    `resumed`: whether an earlier command computed a part of the runs."""
     ahead = result.attributes["preparation_seconds"]
     # Without the compilation, which does not grow with the number of runs.
     computing = max(result.seconds - ahead, 1e-9)
-    parts = {"compilation and start-up": ahead, "the runs": computing}
-    parts["writing the store"] = float(result.attributes.get("storing_seconds", 0.0))
-    parts |= stages
+    campaign = stages[CAMPAIGN]
+    parts = {"compilation and the missing runs": campaign}
+    # A resumed store records the times of its first command.
+    if not resumed:
+        storing = float(result.attributes.get("storing_seconds", 0.0))
+        runs = max(campaign - ahead - storing, 0.0)
+        parts = {"compilation and start-up": ahead, "the runs": runs, "writing the store": storing}
+    parts |= {name: seconds for name, seconds in stages.items() if name != CAMPAIGN}
     # Such as building the campaign, and opening the store.
     parts["the rest"] = whole - sum(parts.values())
     named = ", ".join(
