@@ -48,6 +48,7 @@ _KEYS = {
 _TIMES = ("START_TIME", "STOP_TIME")
 
 
+@printed(time="s")
 class StateCovariance(NamedTuple):
     """The covariance of position and velocity, m and s, (6, 6), at a `time`, s after the epoch of
     the ephemeris, in the axes of the `frame`; those of the states if empty."""

@@ -54,6 +54,7 @@ _CHANGES = ("MAN_DV_1", "MAN_DV_2", "MAN_DV_3")
 _MANOEUVRE = ("MAN_EPOCH_IGNITION", "MAN_DURATION", "MAN_DELTA_MASS", "MAN_REF_FRAME", *_CHANGES)
 
 
+@printed(duration="s", mass_change="kg", velocity_change="m/s")
 class Manoeuvre(NamedTuple):
     """A manoeuvre: the `epoch` of its ignition, its `duration`, s, zero for an impulse, the change
     of mass, kg, zero or negative, and the change of velocity, m/s, (3,), in the axes of the
