@@ -415,3 +415,39 @@ def test_elliptic_functions(complement, share):
             float(expected),
             rtol=1e-13,
         )
+
+
+@pytest.mark.parametrize("dtype", [jnp.float64, jnp.float32])
+def test_derivatives_of_elliptic_functions_after_short_times(dtype):
+    # By the parameters x and y, of which one is small, both are equal, or neither.
+    x, y = np.meshgrid([1.7, 1e-6, 0.9], [1.7, 1e-6, 0.3])
+    t = np.array([1e-9, 1e-3, 0.03, 0.2, 0.34, 0.35, 0.6])
+    t, x, y = (np.ravel(v).astype(dtype) for v in np.broadcast_arrays(t[:, None, None], x, y))
+
+    def of(v):
+        phase = jacobi(v[0], v[1], v[2], v[1] - v[2])
+        return jnp.stack([phase.s, phase.c, phase.d])
+
+    slopes = [
+        jax.jit(jax.vmap(mode(of), in_axes=1, out_axes=2))(jnp.stack([t, x, y]))
+        for mode in (jax.jacfwd, jax.jacrev)
+    ]
+    with mpmath.workdps(60):
+
+        def exact(t, x, y):
+            n, m = mpmath.sqrt(max(x, y)), min(x, y) / max(x, y)
+            sn, cn, dn = (mpmath.ellipfun(f, u=n * t, m=m) for f in ("sn", "cn", "dn"))
+            return (sn / n, cn, dn) if x > y else (sn / n, dn, cn)
+
+        truth = np.empty(slopes[0].shape)
+        for i, place in enumerate(zip(t, x, y, strict=True)):
+            v = [mpmath.mpf(float(c)) for c in place]
+            for k, c in enumerate(v):
+                h = c * mpmath.mpf(10) ** -12
+                ahead, behind = (exact(*v[:k], c + sign * h, *v[k + 1 :]) for sign in (1, -1))
+                pairs = zip(ahead, behind, strict=True)
+                truth[:, k, i] = [float((a - b) / (2 * h)) for a, b in pairs]
+    # The derivatives of S by x and y are of the order of t^3, those of c and d of the order of t^2.
+    size = np.array([[np.ones_like(t), t**3, t**3], [t, t**2, t**2], [t, t**2, t**2]])
+    for slope in slopes:
+        assert np.max(np.abs(np.asarray(slope) - truth) / size) < 30.0 * jnp.finfo(dtype).eps

@@ -197,3 +197,23 @@ def test_the_derivative_by_a_duration_of_zero_is_the_rate():
     assert np.array_equal(value, v[3:])
     assert_allclose(change[:4], rate.attitude.wxyz, rtol=1e-12)
     assert_allclose(change[4:], rate.omega, rtol=1e-12, atol=1e-12)
+
+
+def test_derivatives_in_single_precision_at_the_critical_spin():
+    # Upright at the critical spin, where the parameters of the elliptic functions vanish, and next
+    # to it; the rates across the axis decide how fast it leaves the vertical.
+    critical = 2.0 * np.sqrt(0.8) / 0.6
+    starts = [(0.0, critical), (1e-6, critical), (1e-3, critical), (1e-3, 1.0001 * critical)]
+    x = np.array([[1.0, 0.6, 0.8, 1.0, 0.0, 0.0, 0.0, w, 0.0, n] for w, n in starts], np.float32).T
+    step = np.longdouble(1e-40)
+    steps = 1j * step * np.eye(10, dtype=np.longdouble)[:, :, None]
+    moved = x.astype(np.clongdouble)[:, None] + steps
+    truth = (series(moved.reshape(10, -1), np.longdouble(2.0)).imag / step).reshape(7, 10, -1)
+    for mode in (jax.jacfwd, jax.jacrev):
+        jacobian = jax.vmap(mode(lambda v: flow(v, jnp.asarray(2.0, jnp.float32))), 1, 2)
+        slope = np.asarray(jacobian(jnp.asarray(x)))
+        assert slope.dtype == np.float32
+        # Without the length of the quaternion, on which the series depends. The state turns by 5
+        # rad and its deviation grows by e^2: 8 roundings are found.
+        wrong = np.abs(slope - truth)[:, np.arange(10) != 3]
+        assert np.max(wrong) < 30 * jnp.finfo(jnp.float32).eps
