@@ -24,6 +24,7 @@ from ..core import AbstractParameters, NumberField, Scalar, quantity
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.square_roots import sqrt
+from ..core.squares import quotient
 
 GAS_CONSTANT = 8314.32  # J/(kmol K)
 MOLAR_MASS = 28.9644  # kg/kmol
@@ -83,7 +84,7 @@ def exponential_density(
     - `scale_height`: m.
 
     **Returns** the density, kg/m^3."""
-    return density * jnp.exp((reference_height - height) / scale_height)
+    return density * jnp.exp(quotient(reference_height - height, scale_height))
 
 
 class AbstractAtmosphere(AbstractParameters):

@@ -77,6 +77,13 @@ def tangential_impulse(
     # By the difference of the squares, which is exact for a small impulse. Where a circle remains a
     # circle, the sum to divide by is zero.
     de = safe_divide(w * (2.0 * (C + e * e) + w * speed2), new_e + e)
+    # Next to an apse, or next to a circle, the derivative of this quotient by e cancels.
+    side = jnp.where(new_C < 0.0, -1.0, 1.0)
+    turned = new_S * safe_divide(new_S, new_e + side * new_C)
+    apart = jnp.where(
+        side * cosine < 0.0, 1.0 - side * cosine, sine * sine / (1.0 + jnp.abs(cosine))
+    )
+    de = jnp.where(e * sine * sine < jnp.abs(w), side * (1.0 + C) * w - e * apart + turned, de)
     # Without the factor e of both sides, so that a circle retains the direction of its anomaly.
     df = safe_atan2(-w * sine, e + w * (cosine + e))
     # By 1/a, whose change is exact: a difference of the axes has no digits for a small impulse.

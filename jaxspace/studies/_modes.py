@@ -261,6 +261,12 @@ def equilibrium(system: AbstractSystem, y: State, t: Scalar = 0.0, steps: int = 
     **Returns** the state; its derivatives with respect to the parameters are those of the
     equilibrium. For a batch use `jax.vmap`."""
 
+    return _equilibrium(system, y, t, steps)
+
+
+# Compiled once for every system of one structure: called as it is, the loop is compiled each time.
+@eqx.filter_jit
+def _equilibrium(system: AbstractSystem, y: State, t: Scalar, steps: int) -> State:
     def newton(system: AbstractSystem, y: State, repeated: int = 1) -> State:
         blocks = Blocks.of(system, y, t)
         zero = jnp.zeros(blocks.count, blocks.dtype)
