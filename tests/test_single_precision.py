@@ -233,6 +233,11 @@ PLACES = [
     # A point that hardly moves in a slow rotation.
     ("at_rest", (0.3166, -0.176, 0.7, 5.067e-19, 6.478e-20, 2.522e-19, 1.57e-10)),
     ("at_rest", (0.3, -0.2, 0.7, 1.2e-24, 0.5e-24, 0.0, 2e-25)),
+    # Next to an apse of a nearly circular orbit, before and after the gain exceeds e.
+    ("tangential", (1.0, 3.3454e-07, 1.8856e-06, 1e-8)),
+    ("tangential", (1.0036, 6.034e-13, -3.457e-13, 1e-8)),
+    # Thin air.
+    ("density", (700000.0, 1.2, 0.0, 10112.027)),
 ]
 
 
