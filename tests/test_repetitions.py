@@ -24,7 +24,8 @@ from jaxspace.control.attitude_laws import QuaternionFeedback
 from jaxspace.core import AbstractSystem, Scalar, quantity
 from jaxspace.core.modules import public_names
 from jaxspace.dispersion import Campaign, Normal, Uniform, disperse
-from jaxspace.dispersion.covariance import moments
+from jaxspace.dispersion.covariance import moments, sampled
+from jaxspace.dispersion.sensitivity import sobol_indices
 from jaxspace.estimation import fit
 from jaxspace.minimisation import Criterion, minimise, minimise_from
 from jaxspace.robust import optimise_design, train_design
@@ -166,6 +167,9 @@ CALLS = {
     ),
     "ClosedLoop.simulate": lambda k: loop(k).states.omega,
     "disperse": lambda k: disperse(CAMPAIGN, 64, seed=k).outputs["x"],
+    "disperse another number of runs": lambda k: disperse(CAMPAIGN, 64 + k, seed=k).outputs["x"],
+    "sampled": lambda k: sampled(CAMPAIGN, 64, seed=k)["x"],
+    "sobol_indices": lambda k: sobol_indices(CAMPAIGN, 32, seed=k),
     "moments": lambda k: moments(CAMPAIGN, check=64, accuracy=1e-6 * (1.0 + k)),
     "fit": lambda k: (
         fit(line, 2.0 * TS - 0.3 * k, {"bias": jnp.array(0.0), "rate": jnp.array(1.0)}).parameters
@@ -196,9 +200,9 @@ EXEMPT = {
     "effect_budget": TIMES,
     **dict.fromkeys(
         (
-            *("assess_designs", "compare_methods", "crossings", "free_by_path"),
-            *("kalman_filter", "rare_event", "run_paths", "sampled"),
-            *("simulate_mission_batch", "sobol_indices"),
+            *("assess_designs", "choose_method", "compare_methods", "crossings", "free_by_path"),
+            *("grid", "kalman_filter", "rare_event", "reweight", "run_paths", "run_states"),
+            "simulate_mission_batch",
         ),
         UNMEASURED,
     ),
