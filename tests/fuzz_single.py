@@ -90,6 +90,20 @@ def _close_moments(x, value):
     return np.min(differences, axis=1) < 0.02 * np.max(np.abs(value), axis=1)
 
 
+def _in_thin_air(x, value):
+    """Of an orbit, whose position is first, or about an airframe, whose height is last."""
+    del value
+    heights = np.stack([np.linalg.norm(x[:, :3], axis=1) - x[:, 9], x[:, 10]])
+    return np.min(x[:, 7] * np.exp(-heights / x[:, 8]), axis=0) < 1e-32
+
+
+def _far_underground(x, value):
+    """Radius of the planet, pressure at its surface, scale height, and the position."""
+    del value
+    radius, pressure, scale = x[:, 11:14].T
+    return pressure * np.exp((radius - np.linalg.norm(x[:, 18:21], axis=1)) / scale) > 1e35
+
+
 NOTES: dict[str, Note] = {
     **{name: Note(fuzz_page.NOTES[name]) for name in _OF_BOTH},
     "cubic_period": Note(
@@ -141,6 +155,13 @@ NOTES: dict[str, Note] = {
             "air of less than 1e-32 kg/m^3, whose slope per metre is below the normal numbers",
             lambda x, value: np.abs(value[:, -1]) < 1e-32,
         ),
+    ),
+    "pressures": Note(
+        "air of less than 1e-32 kg/m^3, whose slope per metre is below the normal numbers",
+        _in_thin_air,
+    ),
+    "steered_stage": Note(
+        "a place below the ground where the pressure of the air exceeds 1e35 Pa", _far_underground
     ),
 }
 
