@@ -119,12 +119,11 @@ TASKS = {
         "Distributions": "Normal Uniform TruncatedNormal Triangular Lognormal Discrete Samples "
         "Constant AbstractDistribution ConeDirection Correlated MultivariateNormal AbstractJoint",
         "Sampling designs": "LatinHypercube Sobol AbstractDesign",
-        "Sweeps": "grid Sweep",
-        "Other input distributions": "reweight reweighting",
+        "Other input distributions": "reweighting",
         "Sensitivity": "sensitivity",
         "Uncertainty of results": "rare Footprint",
         "Tolerance selection": "purpose",
-        "Methods without sampling": "moments covariance comparison evaluate choose_method "
+        "Methods without sampling": "moments covariance comparison evaluate "
         "automatic",
         "Replaying runs": "run_paths RunPaths states replay",
         "Stores": "open_store DamagedStore StoreError",
@@ -135,7 +134,7 @@ TASKS = {
         "Constant distributions AbstractDistribution",
         "Joint distributions": "ConeDirection Correlated MultivariateNormal AbstractJoint",
         "Sampling designs": "LatinHypercube Sobol AbstractDesign",
-        "Sweeps": "grid Sweep sweeps",
+        "Sweeps": "sweeps",
         "Densities": "densities",
     },
     "statistics": {

@@ -11,7 +11,6 @@ from jaxspace.sampling import (
     Normal,
     Samples,
     Sobol,
-    Sweep,
     Triangular,
     TruncatedNormal,
     Uniform,
@@ -31,4 +30,3 @@ marginals = Normal(mean=0.0, deviation=1.0), Uniform(low=-1.0, high=1.0)
 Correlated.of(marginals, [[1.0, 0.5], [0.5, 1.0]])
 LatinHypercube(runs=1000)
 Sobol()
-Sweep(columns={"mass": [1.0, 2.0, 3.0]})

@@ -21,11 +21,9 @@ from ..sampling import MultivariateNormal as MultivariateNormal
 from ..sampling import Normal as Normal
 from ..sampling import Samples as Samples
 from ..sampling import Sobol as Sobol
-from ..sampling import Sweep as Sweep
 from ..sampling import Triangular as Triangular
 from ..sampling import TruncatedNormal as TruncatedNormal
 from ..sampling import Uniform as Uniform
-from ..sampling import grid as grid
 from ..statistics import Dispersion as Dispersion
 from ..statistics import Footprint as Footprint
 from ..statistics import StopRule as StopRule
@@ -36,9 +34,7 @@ from ._campaign import Campaign as Campaign
 from ._engine import disperse as disperse
 from ._run_paths import RunPaths as RunPaths
 from ._run_paths import run_paths as run_paths
-from .automatic import choose_method as choose_method
 from .covariance import moments as moments
-from .reweighting import reweight as reweight
 
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.

@@ -15,8 +15,9 @@ from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
 from ..core.jit import quick_jit
 from ..core.listed import Listed
-from ..dispersion import Campaign, reweight
+from ..dispersion import Campaign
 from ..dispersion.purpose import BY_PURPOSE, ByPurpose
+from ..dispersion.reweighting import reweight
 from ..integration.accuracy import DEFAULT_RTOL
 from ..optimization import Progress, StopReason
 from ..robust import DesignOptimum

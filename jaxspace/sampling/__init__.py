@@ -19,8 +19,6 @@ from .distributions import Normal as Normal
 from .distributions import TruncatedNormal as TruncatedNormal
 from .distributions import Uniform as Uniform
 from .joint import AbstractJoint as AbstractJoint
-from .sweeps import Sweep as Sweep
-from .sweeps import grid as grid
 
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.

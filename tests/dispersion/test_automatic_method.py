@@ -16,7 +16,8 @@ from test_campaigns import swing
 
 from jaxspace.cli import main
 from jaxspace.core import InputError
-from jaxspace.dispersion import Campaign, Normal, choose_method, disperse
+from jaxspace.dispersion import Campaign, Normal, disperse
+from jaxspace.dispersion.automatic import choose_method
 
 
 @final

@@ -28,8 +28,8 @@ from jaxspace.dispersion import (
     Triangular,
     TruncatedNormal,
     Uniform,
-    reweight,
 )
+from jaxspace.dispersion.reweighting import reweight
 from jaxspace.io import load
 from jaxspace.sampling.densities import _by_normals, log_density
 from jaxspace.statistics.weighted import WeightedDispersion, weighted

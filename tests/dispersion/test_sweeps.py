@@ -20,7 +20,6 @@ from jaxspace.dispersion import (
     StoreError,
     disperse,
     evaluate,
-    grid,
     moments,
     open_store,
 )
@@ -28,6 +27,7 @@ from jaxspace.dispersion.rare import rare_event
 from jaxspace.dispersion.sensitivity import sobol_indices
 from jaxspace.io import SceneError, load
 from jaxspace.plots import dispersion_page, sweep_figure
+from jaxspace.sampling.sweeps import grid
 from jaxspace.statistics.comparison import compare
 
 ROWS = {"w": [1.5, 2.0, 2.5]}

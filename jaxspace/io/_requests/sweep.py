@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ...sampling import grid
 from ...sampling.distributions import fixed
+from ...sampling.sweeps import grid
 from .._kinds.errors import missing, unknown, wrong
 from .._kinds.kind import Entry, Value, Values
 from .._kinds.tables import AnyTable, Table
