@@ -86,7 +86,7 @@ def stored_as(name: str) -> "Callable[[F], F]":
 
     **Raises** `InputError` for an empty name, and for anything but a function written in Python."""
     from .core import InputError
-    from .core._structure_key import NAME_OF_USER
+    from .core.stored import NAME_OF_USER
 
     if not isinstance(name, str) or not name:
         raise InputError(f"stored_as: name is {name!r}: it must be a text that is not empty.")

@@ -6,7 +6,8 @@ import tomllib
 from pathlib import Path
 
 from ..core import InputError
-from ..io._examples import example, scenes
+from ..io import example
+from ..io.examples import scenes
 
 GOALS: dict[str, tuple[str, ...]] = {
     "Monte Carlo dispersion": (

@@ -30,6 +30,7 @@ from jax.extend.core import get_opaque_trace_state, set_current_trace
 from jaxtyping import PyTree
 
 from ._structure_key import LIBRARIES, NoKey, identified, key_of, with_leaves
+from ._structure_key import NAME_OF_USER as NAME_OF_USER
 from .processors import cores
 from .program_folder import ProgramFolder
 

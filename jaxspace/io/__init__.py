@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from ..core.modules import modules_of as _modules_of
 from ._catalog.catalog import Catalog as Catalog
 from ._catalog.catalog import catalog as catalog
-from ._examples import example as example
 from ._kinds.errors import SceneError as SceneError
 from ._listing import listing as listing
 from ._listing import schema as schema
@@ -17,10 +16,12 @@ from ._load import load as load
 from ._load import stored_scene as stored_scene
 from ._scene_file import SceneFile as SceneFile
 from ._search.optimum import Optimum as Optimum
+from .examples import example as example
 
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.
     from . import ephemeris as ephemeris
+    from . import examples as examples
     from . import flight_logs as flight_logs
     from . import log_comparison as log_comparison
     from . import maps as maps

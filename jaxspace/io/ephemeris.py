@@ -376,7 +376,7 @@ def write_oem(
 
 
 def check_epoch(name: str, text: str) -> None:
-    """Raise `InputError`, by the `name` of the field, for a text that is not a time of ISO 8601."""
+    """Raise `InputError`, by the `name` of the field, for a `text` that is not a time of ISO 8601."""
     _time(name, text)
 
 

@@ -1,5 +1,7 @@
 """The example scenes that are included in the package."""
 
+__all__ = ["scenes"]
+
 from pathlib import Path
 
 from ..core import InputError
