@@ -201,7 +201,7 @@ EXEMPT = {
     **dict.fromkeys(
         (
             *("assess_designs", "choose_method", "compare_methods", "crossings", "free_by_path"),
-            *("grid", "kalman_filter", "rare_event", "reweight", "run_paths", "run_states"),
+            *("kalman_filter", "rare_event", "reweight", "run_paths", "run_states"),
             "simulate_mission_batch",
         ),
         UNMEASURED,

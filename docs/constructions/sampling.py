@@ -15,6 +15,7 @@ from jaxspace.sampling import (
     TruncatedNormal,
     Uniform,
 )
+from jaxspace.sampling.sweeps import Sweep
 
 Normal(mean=1.0, deviation=0.02)
 TruncatedNormal(mean=1.0, deviation=0.02, low=0.95, high=1.05)
@@ -30,3 +31,4 @@ marginals = Normal(mean=0.0, deviation=1.0), Uniform(low=-1.0, high=1.0)
 Correlated.of(marginals, [[1.0, 0.5], [0.5, 1.0]])
 LatinHypercube(runs=1000)
 Sobol()
+Sweep(columns={"drag": [0.4, 0.5, 0.6]})

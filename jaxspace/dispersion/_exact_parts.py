@@ -3,12 +3,14 @@ that the steps would run out (`Accuracy.decoupled`).
 
 The runs are traced, so that the nominal run decides for all."""
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
 from ..core.jit import jit_quickly
 from ..core.status import Status
+from ..core.stored import is_storing
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy
 from ..integration.exact_part import exact, leaves_open, takes_many_steps
@@ -31,7 +33,15 @@ def _turns(campaign: AbstractCampaign) -> list[Array]:
 
 
 # The compiler leaves out of the mission what the turns do not depend on.
-_turns_of = jit_of_campaign(_turns, jit_quickly)
+_compiled_turns = jit_of_campaign(_turns, jit_quickly)
+
+
+def _turns_of(campaign: AbstractCampaign) -> list[Array]:
+    """The same, compiled; a campaign without an exact part compiles nothing, unless its program is
+    loaded from a folder, which is quicker than to trace the mission."""
+    if not is_storing() and not eqx.filter_eval_shape(_turns, campaign):
+        return []
+    return _compiled_turns(campaign)
 
 
 def for_turns(campaign: AbstractCampaign, accuracy: Accuracy, status: ArrayLike) -> Accuracy | None:

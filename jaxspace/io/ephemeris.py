@@ -376,7 +376,14 @@ def write_oem(
 
 
 def check_epoch(name: str, text: str) -> None:
-    """Raise `InputError`, by the `name` of the field, for a `text` that is not a time of ISO 8601."""
+    """Check a time.
+
+    **Arguments**
+
+    - `name`: of the field.
+    - `text`: a time of ISO 8601.
+
+    **Raises** `InputError`, by the name of the field, if the text is not such a time."""
     _time(name, text)
 
 

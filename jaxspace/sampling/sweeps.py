@@ -9,7 +9,7 @@ __all__ = ["Sweep", "grid"]
 
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import Any, final
+from typing import TypeVar, final
 
 import equinox as eqx
 import jax
@@ -23,6 +23,8 @@ from ..core.checks import is_concrete
 from ..core.printing import printed
 from ..core.structure import HashedModule
 from ..core.types import as_float
+
+T = TypeVar("T")
 
 
 def _columns(columns: Mapping[str, ArrayLike | Sequence[float]]) -> dict[str, Array]:
@@ -78,7 +80,7 @@ class Sweep(HashedModule):
         )
 
 
-def grid(axes: Mapping[str, Sequence[Any] | np.ndarray | jax.Array]) -> dict[str, list[Any]]:
+def grid(axes: Mapping[str, Sequence[T] | np.ndarray | jax.Array]) -> dict[str, list[T]]:
     """The rows of all combinations of values, the last input fastest.
 
     **Arguments**

@@ -9,7 +9,7 @@ import csv
 import math
 import os
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,9 +18,6 @@ from ..core.listed import no_method
 from ..core.suggestions import suggests
 from ..core.text import aligned
 from ._rounding import NOISE, rounded
-
-if TYPE_CHECKING:
-    from ._dispersion import Dispersion
 
 EPS = float(np.finfo(float).eps)
 STATISTICS = ("mean", "std", "violated")
@@ -178,8 +175,34 @@ class SweepTable(NamedTuple):
             writer.writerows(zip(*(x.tolist() for x in columns.values()), strict=True))
 
 
-def sweep_table(result: "Dispersion") -> SweepTable:
-    """The statistics of each row of the sweep of a campaign: see `Dispersion.by_row`."""
+class SweptRuns(Protocol):
+    """The parts of a `Dispersion` that the table of a sweep is made of."""
+
+    @property
+    def attributes(self) -> dict: ...
+
+    @property
+    def requirements(self) -> dict: ...
+
+    @property
+    def units(self) -> dict: ...
+
+    @property
+    def run_numbers(self) -> np.ndarray: ...
+
+    @property
+    def outputs(self) -> Mapping: ...
+
+    @property
+    def good(self) -> np.ndarray: ...
+
+    def values(self, name: str) -> np.ndarray: ...
+
+
+def sweep_table(result: SweptRuns) -> SweepTable:
+    """The statistics of each row of the sweep of a campaign: see `Dispersion.by_row`.
+
+    **Raises** `InputError` if the campaign has no sweep."""
     sweep = result.attributes.get("sweep")
     if sweep is None:
         raise InputError(

@@ -7,7 +7,6 @@ Keys are paths of numbers of the file, as in [dispersion.inputs]; values are a l
 table with `from`, `to` and `count`. They are read after the rest of the file."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -83,7 +82,7 @@ def swept_inputs(paths: Iterable[str], numbers: Mapping[str, Measure]) -> dict[s
     return {path: MadeInput(numbers[path], fixed(float(numbers[path]))) for path in paths}
 
 
-def _entries(tables: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Value]]:
+def _entries(tables: Mapping[str, Value], path: str = "") -> Iterator[tuple[str, Value]]:
     """Path and values of every column; TOML reads an unquoted dotted key as a table in a table."""
     for name, value in tables.items():
         here = f"{path}.{name}" if path else name
