@@ -79,6 +79,6 @@ def test_the_readme_has_the_counts_of_the_validation():
     page = (ROOT / "docs/explanation/validation.md").read_text()
     rows, agree, differ = re.search(r"Of (\d+) rows (\d+) agree .* and (\d+) differ", page).groups()
     readme = " ".join((ROOT / "README.md").read_text().split())
-    claimed = re.search(r"Of (\d+) quantities .*? \[(\d+) agree\].*? the other (\w+),", readme)
+    claimed = re.search(r"Of (\d+) quantities .*? \[(\d+) agree\].*? the other (\w+)\.", readme)
     words = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
     assert claimed.groups() == (rows, agree, words[int(differ)])

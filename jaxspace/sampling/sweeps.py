@@ -8,11 +8,10 @@ campaign with more draws continues the one with fewer.
 __all__ = ["Sweep", "grid"]
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeVar, final
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -80,7 +79,7 @@ class Sweep(HashedModule):
         )
 
 
-def grid(axes: Mapping[str, Sequence[T] | np.ndarray | jax.Array]) -> dict[str, list[T]]:
+def grid(axes: Mapping[str, Iterable[T]]) -> dict[str, list[T]]:
     """The rows of all combinations of values, the last input fastest.
 
     **Arguments**

@@ -9,7 +9,7 @@ import csv
 import math
 import os
 from collections.abc import Mapping
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -175,6 +175,7 @@ class SweepTable(NamedTuple):
             writer.writerows(zip(*(x.tolist() for x in columns.values()), strict=True))
 
 
+@runtime_checkable
 class SweptRuns(Protocol):
     """The parts of a `Dispersion` that the table of a sweep is made of."""
 

@@ -53,6 +53,7 @@ def landing_longitude(
     return ground_place(position, latitude, longitude, elevation).longitude
 
 
+@formula
 def ground_place(
     position: Vector, latitude: Scalar, longitude: Scalar, elevation: Scalar = 0.0
 ) -> GroundPoint:

@@ -180,6 +180,7 @@ SIZES = {
 FORCES = (
     *("oblateness", "oblateness_potential", "point_gravity", "point_gravity_potential"),
     *("shell_gravity", "shell_potential", "sphere_gravity", "sphere_potential"),
+    *("spherical_harmonics", "spherical_harmonics_potential"),
     *("third_body", "third_body_potential", "zonal_potential", "zonals"),
 )
 SOLIDS = ("box", "cone", "conical_shell", "cylinder", "ellipsoid", "simplex", "sphere")
