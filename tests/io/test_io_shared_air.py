@@ -1,6 +1,7 @@
 """One table [air] for all effects of a file, and the units of results."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -59,7 +60,7 @@ def test_effects_share_the_air_of_the_file():
     copies = scene("", INLINE, INLINE, "effects.air_drag.air.elevation")
     assert same(shared, copies) and shared.warnings == copies.warnings == ()
     # One input moves it for both.
-    mission, _ = shared.build({"air.elevation": np.array([100.0, 200.0])})
+    mission, _ = shared.build({"air.elevation": jnp.array([100.0, 200.0])})
     effects = mission.phases[0].moving.effects
     heights = [e.air.elevation for e in effects if hasattr(e, "air")]
     assert len(heights) == 2
