@@ -41,7 +41,7 @@ _NAMED = (type, types.BuiltinFunctionType, np.ufunc, types.WrapperDescriptorType
 # The attribute of a function with the name that its user has given it (`jaxspace.stored_as`).
 NAME_OF_USER = "__stored_as__"
 # Of a function that a module wraps: they follow from its code.
-_WORDS = frozenset(("__annotations__", "__doc__", "__signature__"))
+_WORDS = frozenset(("__annotations__", "__doc__"))
 
 
 class NoKey(Exception):
