@@ -46,14 +46,14 @@ class Parsed:
         has the numbers as arguments. Files that differ in these only have equal structures."""
         values = {key: x for key, x in self.values.items() if key not in OUTSIDE}
         values = _without_numbers(values, "", _known_numbers(self.values))
-        answers = {"changes_mass": self.changes_mass, "points": self.points}
         made = tuple((path, *maker.identity) for path, maker in sorted(self.makers.items()))
         named = (*self.catalog.systems.items(), *self.catalog.events.items())
         points = tuple(line.path for line in self.points)
         source = (_frozen(values), made, named, self.changes_mass, points)
         result = dataclasses.replace(self, values=values, source=source)
-        # They may depend on numbers.
-        result.__dict__.update(answers, structure=result)
+        # The answers may depend on numbers; the lines are those of the structure itself.
+        lines = tuple(line for line in result.lines if line.path in points)
+        result.__dict__.update(changes_mass=self.changes_mass, points=lines, structure=result)
         return result
 
     def numbers(self, samples: Mapping[str, ArrayLike] | None = None) -> Values:
