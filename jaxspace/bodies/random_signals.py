@@ -44,6 +44,7 @@ from ..core import (
     quantity,
 )
 from ..core.checks import is_concrete
+from ..core.field_types import check_types
 from ..core.hermite import taken, weights, with_slopes
 from ..core.limits import Limit
 from ..core.quantities import check_declared
@@ -96,11 +97,16 @@ class RandomSignal(AbstractParameters):
         components: int = 1,
     ):
         self.seed, self.correlation_time = as_float(seed), as_optional_float(correlation_time)
-        self.duration, self.step, self.components = float(duration), float(step), components
+        self.duration, self.step, self.components = duration, step, components
+        check_types(self, "duration", "step", "components")
         check_declared(self, "seed", "correlation_time")
         for name in ("duration", "step"):
             x = getattr(self, name)
-            check(0.0 < x < np.inf, f"RandomSignal.{name}", x, "positive and finite, in s")
+            ok = is_concrete(x) and np.ndim(x) == 0 and 0.0 < float(x) < np.inf
+            check(ok, f"RandomSignal.{name}", x, "a single number, positive and finite, in s")
+        single = is_concrete(components) and np.ndim(components) == 0 and components > 0
+        check(single, "RandomSignal.components", components, "a single whole number from 1 on")
+        self.duration, self.step, self.components = float(duration), float(step), int(components)
         few = self.duration / self.step <= MOST_VALUES
         what = f"at least 1/{MOST_VALUES} of the duration, in s"
         check(few, "RandomSignal.step", self.step, what)
@@ -109,10 +115,10 @@ class RandomSignal(AbstractParameters):
             slow = bool(np.all(np.asarray(tau) >= self.step))
             check(slow, "RandomSignal.step", self.step, "at most the correlation time, in s")
         count = int(np.ceil(self.duration / self.step)) + 1
-        x = normal_numbers(self.seed, (count, components))
+        x = normal_numbers(self.seed, (count, self.components))
         if tau is not None:
             steps = jnp.broadcast_to(self.step / tau, (count - 1, *jnp.shape(tau)))
-            rows = [longitudinal(steps, x[:, k]) for k in range(components)]
+            rows = [longitudinal(steps, x[:, k]) for k in range(self.components)]
             x = jnp.stack(rows, axis=1)
         self.data = with_slopes((self.step * np.arange(count)).astype(x.dtype), x)
 
