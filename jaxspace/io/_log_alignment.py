@@ -152,6 +152,7 @@ def _fitted(log: FlightLog, measured: dict[str, Samples], predicted: dict[str, C
 
 
 def no_common_time(log: FlightLog, offset: float, predicted: dict[str, Curve]) -> str:
+    """The message for a log that, moved by the `offset`, s, has no time in common with the run."""
     times = [curve.points[0] for curve in predicted.values()]
     return (
         f"{log.path} covers {log.times[0] + offset:.6g} s to {log.times[-1] + offset:.6g} s on the "
